@@ -37,6 +37,9 @@ LEAST = 2.0**-104
 
 INFINITY = math.inf
 
+MOST = 500.0
+"""Corrections of Newton's method in a step after which it is given up."""
+
 
 def turns_freely(system: Any, retraction: Retraction) -> bool:
     """Whether it is known how large a step may be, as for kinetic energies on so(3), with the

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..formulas.sites import padded
 from ..formulas.tables import Table, of_whole
-from .in_memory.links import BLOCKS
+from ..rooms.sites.block_elimination import BLOCKS, Elimination
 
 
 def eliminated_in(ends: list[tuple[int, int]]) -> tuple[tuple[int, ...], list[list[int]]]:
@@ -143,18 +143,15 @@ def apart_from(ends: list[Any], hubs: list[int]) -> list[Any]:
 
 def tables_of(
     ends: list[Any], hubs: list[int], parts: int, places: int
-) -> tuple[list[Table], int, dict[int, Tie], dict[tuple[int, int], int]]:
-    """The tables of the elimination: borders, couplings, pivots, belows and updates of `Links`; the number of blocks;
-    by joint, its tie to another joint, whose blocks lie at the place of the joint; by pair of nodes, the number of its
-    block.
+) -> tuple[list[Table], Elimination, dict[int, Tie], dict[tuple[int, int], int]]:
+    """The tables of borders and couplings; the elimination; by joint, its tie to another joint, whose blocks lie at the
+    place of the joint; by pair of nodes, the number of its block.
 
     ends : by joint, its bodies and behind them the rotor that it shares with others, if there is one.
 
     borders : the number of joints at hubs, and of each the joint, its side at the hub, and for each part of the motion
     of the hub the blocks (joint, part) and (part, joint). couplings : their number, and of each the joints j and k,
-    their sides at a body that they share, the block, and 0; 1 if the product is added to the block, -1 if the block is
-    zero. pivots : in order, the joint k and the range of its belows. belows : the later joint i, the blocks (i, k) and
-    (k, i), and the range of its updates. updates : the blocks (k, j) and (i, j) of (i, j) <- (i, j) - (i, k) (k, j).
+    their sides at a body that they share, the block, and 0; 1 if the product is added to the block.
     """
     all_ends = ends
     order, filling = eliminated_with_hubs(ends, hubs, parts) if hubs else eliminated_in(ends)
@@ -171,6 +168,7 @@ def tables_of(
         blocks[i, k], blocks[k, i], count = count, count + 1, count + 2
     couplings: list[list[int]] = []
     borders: list[list[int]] = []
+    filled: list[int] = []
     direct: set[tuple[int, int]] = set()
     for j, bodies in enumerate(all_ends):
         for side, b in enumerate(bodies[:2]):
@@ -187,23 +185,10 @@ def tables_of(
             tied = [*map(int, tie_j[1:3] if k == tie_j[0] else tie_k[2:0:-1])]
             couplings += [[j, k, *s, block, 1] for s in common if [*s] != tied]
             continue
-        for turn, sides in enumerate(common or [(0, 0)]):
-            couplings.append([j, k, *sides, block, min(turn, 1) if common else -1])
-    pivots, belows, updates = [], [], []  # type: list[int], list[list[int]], list[list[int]]
-    for k, later in zip(order, filling):
-        pivots += [k, len(belows), len(belows) + len(later)]
-        for i in later:
-            begin = len(updates)
-            updates += [[blocks[k, j], blocks[i, j]] for j in later]
-            belows.append([i, blocks[i, k], blocks[k, i], begin, len(updates)])
-    tables = (
-        [len(borders), *np.ravel(borders)],
-        [len(couplings), *np.ravel(couplings)],
-        pivots,
-        np.ravel(belows),
-        np.ravel(updates),
-    )
-    return [of_whole([*table, 0]) for table in tables], count, ties, blocks
+        filled += [] if common else [block]
+        couplings += [[j, k, *sides, block, min(turn, 1)] for turn, sides in enumerate(common)]
+    tables = [of_whole([len(rows), *np.ravel(rows), 0]) for rows in (borders, couplings)]
+    return tables, Elimination.in_order(order, filling, blocks, filled), ties, blocks
 
 
 Tie = tuple[int, float, float, float]

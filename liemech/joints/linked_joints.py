@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from ..compiler.numbers.square_blocks import wide
 from ..compiler.sites.planes import Planes, columns
 from ..formulas import Mat, Record, Vec, record, vec
 from ..formulas.classes.derived import is_derived
@@ -20,7 +19,7 @@ from ..formulas.tables import Table, of_whole
 from ..groups.rigid.se3 import SE3
 from .body_forces import AtBody, ForcesOfBodies, OnAll, PotentialsOfBodies
 from .elimination_order import has_loops, hubs_in, sides_of, tables_of
-from .in_memory.links import LinkedBodies, Needs, work_of
+from .in_memory.links import LinkedBodies, work_of
 from .joint_forces import AtJoint, effort_of, resistance_of, seen_about
 from .points_and_axes import REST6
 
@@ -141,7 +140,7 @@ class LinkedForm:
 
     links: LinkedBodies  # the record that formulas read
     fixed: np.ndarray  # (rows, places), the numbers that do not change
-    more: int  # the number of rows of memory behind them
+    working_rows: int  # the number of rows of memory behind them
     joints: tuple[LinkedJoint, ...]  # by place, the joint
     has_loops: bool  # do joints close loops?
 
@@ -163,52 +162,39 @@ def linked(linkage: Any) -> LinkedForm:
     hubs = hubs_in(ends)
     if any(all(b < 0 or b in hubs for b in ends[j]) for j, _ in meshes):
         hubs = []  # a joint of hubs alone has no block before them, and would be needed by what shares its rotor
-    needs = needs_of(mechanism, joints, acts, on_all, bool(hubs), geared)
-    most, freedoms, work = needs.most, needs.freedoms, work_of(needs)
+    most = max(joint.joint.conditions for joint in joints) + int(geared)
     parts = -(-6 // most) if hubs else 0  # nodes of a hub
     places = max(count, len(joints) + parts * len(hubs))
     places = FEW if places <= FEW else EIGHT * -(-places // EIGHT)
     shared = {j: (SHARED + min(j, *[k for i, k in meshes if i == j]),) for j, _ in meshes}
-    tables, blocks, ties, at_blocks = tables_of(
+    tables, order, ties, at_blocks = tables_of(
         [(*bodies_of, *shared.get(j, ())) for j, bodies_of in enumerate(ends)], hubs, parts, places
     )
-    numbers = np.zeros((work.width, places))
-    of = columns(Planes(numbers, places), work=work).work.fields
     first_joint, further = joints_by_body(ends)
-    put_bodies(of, mechanism, first_joint, acts, needs)
-    put_joints(of, mechanism, joints, ends, hubs, ties, needs)
+    acting = (
+        tuple(dict.fromkeys(map(layout_of, acts))) if any(member.potentials or member.loads for member in acts) else ()
+    )
+    pushed = (on_all is not None and on_all.load is not None) or any(member.loads for member in acts)
     form: Any = LinkedBodies
     links = form(
-        SE3(), needs.joint_kinds, needs.force_kinds, on_all, (), (), needs.moving, geared, work, most, freedoms,
-        any(joint.springs for joint in joints), needs.pushed, True, float(count), float(len(joints)),
-        float(len(joints) + parts * len(hubs)), parts, sides_of(ties),
-        of_whole([len(further) // 3, *further]), *tables, len(meshes) > 0,
+        SE3(), tuple(dict.fromkeys(map(layout_of, joints))), acting, on_all, (), (), mechanism.constraint.rheonomic, geared,
+        None, most, max([joint.joint.freedoms for joint in joints if joint.loads], default=0),
+        any(joint.springs for joint in joints), pushed, True, float(count), float(len(joints)),
+        parts, sides_of(ties), of_whole([len(further) // 3, *further]), *tables, order, len(meshes) > 0,
         of_whole([len(meshes), *[x for pair in meshes for x in (*pair, at_blocks[pair])]]),
         Table(np.array([*meshes.values(), 0.0])), float(most_neighbours(ends)),
     )  # fmt: skip
-    fixed, size = numbers[: of.failed_joint.rows.start], most + freedoms
-    more = work.width - len(fixed) - (-blocks * size * wide(size) // padded(places))
-    return LinkedForm(links, fixed, more, tuple(joints), has_loops(ends))
-
-
-def needs_of(
-    mechanism: Any, joints: list[Any], acts: list[AtBody], on_all: OnAll | None, hubs: bool, geared: bool
-) -> Needs:
-    """The parts of a linkage that places have room for."""
-    forces = any(member.potentials or member.loads for member in acts)
-    together = on_all is not None and on_all.load is not None
-    return Needs(
-        full=any(np.ndim(np.array(link.inertia)) == 2 for link in mechanism.links),
-        most=max(joint.joint.conditions for joint in joints) + int(geared),
-        freedoms=max([joint.joint.freedoms for joint in joints if joint.loads], default=0),
-        joint_kinds=tuple(dict.fromkeys(map(layout_of, joints))),
-        force_kinds=tuple(dict.fromkeys(map(layout_of, acts))) if forces else (),
-        pushed=together or any(member.loads for member in acts),
-        pushed_together=together,
-        moving=mechanism.constraint.rheonomic,
-        hubs=hubs,
-        geared=geared,
-    )
+    full = any(np.ndim(np.array(link.inertia)) == 2 for link in mechanism.links)
+    links = with_fields(links, work=work_of(links, full))
+    numbers = np.zeros((links.work.width, places))
+    of = columns(Planes(numbers, places), work=links.work).work.fields
+    put_bodies(of, mechanism, first_joint, full)
+    put_joints(of, mechanism, joints, ends, hubs, ties, links)
+    put_kinds(of.joint_parameters, joints, links.kinds)
+    put_kinds(of.force_parameters, acts, links.fields, of.acting)
+    fixed = numbers[: of.failed_joint.rows.start]
+    working_rows = links.work.width - len(fixed) + order.rows(most + links.freedoms, places)
+    return LinkedForm(links, fixed, working_rows, tuple(joints), has_loops(ends))
 
 
 def joints_by_body(ends: list[tuple[int, int]]) -> tuple[dict[tuple[int, int], tuple[int, float]], list[int]]:
@@ -233,22 +219,19 @@ def most_neighbours(ends: list[tuple[int, int]]) -> int:
     return max(len(set().union(*[joints_of[b] for b in bodies if b >= 0])) for bodies in ends) - 1
 
 
-def put_bodies(
-    of: Any, mechanism: Any, first_joint: dict[tuple[int, int], Any], acts: list[AtBody], needs: Needs
-) -> None:
+def put_bodies(of: Any, mechanism: Any, first_joint: dict[tuple[int, int], Any], full: bool) -> None:
     """Write what does not change of bodies; places behind them have the first one."""
     links, none = mechanism.links, (0, 0.0)
     for place in range(of.weight.array.shape[1]):
-        J = inertia_of(links[place if place < len(links) else 0], needs.full)
+        J = inertia_of(links[place if place < len(links) else 0], full)
         write(of.inertia, place, J.ravel())
-        write(of.inverse, place, (np.linalg.inv(J) if needs.full else 1.0 / J).ravel())
+        write(of.inverse, place, (np.linalg.inv(J) if full else 1.0 / J).ravel())
         of.first_joints.put(place, (*first_joint.get((place, 0), none), *first_joint.get((place, 1), none)))
     write(of.weight, slice(len(links)), [link.mass * mechanism.gravity for link in links])
-    put_kinds(of.force_parameters, acts, needs.force_kinds, of.acting)
 
 
 def put_joints(
-    of: Any, mechanism: Any, joints: list[Any], ends: list[tuple[int, int]], hubs: list[int], ties: Any, needs: Needs
+    of: Any, mechanism: Any, joints: list[Any], ends: list[tuple[int, int]], hubs: list[int], ties: Any, system: Any
 ) -> None:
     """Write what does not change of joints; places behind them have the first one."""
     counted, ahead = mechanism.constraint.counted, 0
@@ -256,19 +239,18 @@ def put_joints(
     for place in range(places):
         j = place if place < len(joints) else 0
         first, second = ends[j]
-        alive = [float(i in counted[j][1]) for i in range(needs.most)]
-        if needs.geared:
+        alive = [float(i in counted[j][1]) for i in range(system.most)]
+        if system.geared:
             light = mechanism.lightness.get(j, 0.0)
             alive = [*alive[:-1], float(light > 0.0)]
             write(of.lightness, place, light)
-        of.ends.put(place, (first, max(second, 0), float(second >= 0), needs.joint_kinds.index(layout_of(joints[j]))))
+        of.ends.put(place, (first, max(second, 0), float(second >= 0), system.kinds.index(layout_of(joints[j]))))
         write(of.alive, place, alive)
         if hubs:
             write(of.off_hubs, place, [b not in hubs for b in ends[j]])
         tie = ties.get(place, (ahead if ahead < padded(places) else 0, 0.0, 0.0, 0.0))
         ahead = tie[0] + 1  # so that lanes without a tie ask for what lies beside that of others
         of.tie.put(place, tie)
-    put_kinds(of.joint_parameters, joints, needs.joint_kinds)
 
 
 def put_kinds(column: Any, records: list[Any], kinds: tuple[Any, ...], which: Any = None) -> None:
@@ -276,7 +258,7 @@ def put_kinds(column: Any, records: list[Any], kinds: tuple[Any, ...], which: An
 
     which : the column of the kinds, if there is one.
     """
-    layouts = [layout_of(one) for one in records]
+    layouts = [layout_of(record) for record in records]
     for k, kind in enumerate(kinds):
         part, first = column.nth(k), layouts.index(kind)
         for place in range(part.array.shape[1]):

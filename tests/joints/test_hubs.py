@@ -105,8 +105,8 @@ def test_work_of_a_hub_grows_like_its_joints() -> None:
     cost = []
     for m in (20, 200):
         ends = [(0, -1)] + [(k + 1, 0) for k in range(m)]
-        tables, blocks, _, _ = tables_of(ends, hubs_in(ends), 2, m + 8)
-        cost.append((len(tables[4]) / m, (blocks - 3 * padded(m + 8)) / m))
+        _, order, _, _ = tables_of(ends, hubs_in(ends), 2, m + 8)
+        cost.append((len(order.updates) / m, (order.blocks - 3 * padded(m + 8)) / m))
     assert np.allclose(*cost, rtol=0.2)
     assert not hubs_in([(k, k - 1) for k in range(50)])  # a chain has none
     assert chain(9).linked.links.parts == 0

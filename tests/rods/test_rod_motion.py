@@ -6,11 +6,12 @@ from scenes import slope
 
 import liemech as lm
 import liemech.rooms.sites.runs.plan as sites_plan
+from liemech.compiler.numbers.square_blocks import put_block
 from liemech.compiler.sites.planes import Planes, columns
 from liemech.formulas import mat, vec
-from liemech.formulas.tables import Table
 from liemech.models import CosseratRod, RodSection
-from liemech.rooms.sites.galerkin_of_chain import GalerkinOfChain, factored, solved, work_of
+from liemech.rooms.sites.block_elimination import BLOCKS, factor, substitute_back
+from liemech.rooms.sites.galerkin_of_chain import order_along, work_of
 
 SOFT = RodSection([1.0, 1.2, 0.8, 30.0, 30.0, 40.0], [0.1, 0.12, 0.2, 1.0, 1.0, 1.0])
 IMPLICIT = lm.GalerkinVariational(order=2)
@@ -180,18 +181,18 @@ def test_a_run_goes_on_where_it_stood():
 @pytest.mark.parametrize("count", [3, 6])
 def test_elimination_along_a_chain_and_a_ring_is_that_of_the_whole_matrix(count, ring):
     n, layout, rng = 3, work_of(3), np.random.default_rng(count)
-    method = GalerkinOfChain("", (), (), None, None, ring, float(count), layout, Table([1.0, 0.0]), 1.0, 1)
-    work = columns(Planes.of_rows(layout.width, count), work=layout).work.fields
-    whole, rest = np.zeros((count, n, count, n)), rng.normal(size=(count, n))
+    order = order_along(count, ring)
+    work = columns(Planes.of_rows(layout.width + order.rows(n, count), count), work=layout).work.fields
+    whole, right = np.zeros((count, n, count, n)), rng.normal(size=(count, n))
     for k in range(count):
-        work.rest.put(k, vec(*rest[k].tolist()))
-        for column, other in ((work.own, k), (work.right, k + 1), (work.left, k - 1)):
+        work.residual.put(k, vec(*right[k].tolist()))
+        for slot, other in enumerate((k, k + 1, k - 1)):
             if ring or 0 <= other < count:
                 block = rng.normal(size=(n, n)) + (4.0 * np.eye(n) if other == k else 0.0)
-                column.put(k, mat(*[vec(*row) for row in block.tolist()]))
+                put_block(work.blocks, BLOCKS * k + slot, mat(*[vec(*row) for row in block.tolist()]))
                 whole[k, :, other % count] = block
-    factored(method, work)
-    solved(method, work)
-    exact = np.linalg.solve(whole.reshape(n * count, n * count), rest.ravel())
-    found = [work.answer.at(k) for k in range(count)]
+    factor(order, 1.0, work)
+    substitute_back(order, work)
+    exact = np.linalg.solve(whole.reshape(n * count, n * count), right.ravel())
+    found = [work.solution.at(k) for k in range(count)]
     np.testing.assert_allclose(np.ravel(found), exact, rtol=1e-10, atol=1e-12)

@@ -8,15 +8,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...compiler.numbers.square_blocks import block_at, lead_block, lessen_block, put_block, save_block
+from ...compiler.numbers.square_blocks import block_at, put_block, save_block
 from ...compiler.sites.planes import each
 from ...errors import NoConvergence
 from ...formulas import Mat, Vec, dot, mat, vec, where
-from ...formulas.elimination import inverted
 from ...formulas.tables import entry, whole
 from ...integrators.kicks.explicit_kicks import negative_pivots
+from ...rooms.sites.block_elimination import BLOCKS, factor, substitute_back, substitute_forward
 from ...systems.kinetic_energy import times
-from .links import BLOCKS, REST6, both, speeds, wrenches
+from .links import REST6, both, speeds, wrenches
 
 # ------------------------------------------------------------------ formulas of one joint
 
@@ -94,14 +94,15 @@ def rates_off(system: Any, sides: Any, work: Any) -> Vec:
 
 def wrench_of_impulses(work: Any, equations: Any) -> None:
     """The pull of a joint on its bodies by the impulses that elimination has found."""
-    work.wrench.save(wrenches(equations.impulse.load(), equations.sides.load()))
+    work.wrench.save(wrenches(equations.solution.load(), equations.sides.load()))
 
 
 # ------------------------------------------------------------------ of all joints
 
 
-def pulled_by_impulses(system: Any, sites: Any, work: Any, equations: Any) -> None:
-    """The pull on bodies by the impulses that elimination has found."""
+def pulled_by_solution(system: Any, sites: Any, work: Any, equations: Any) -> None:
+    """The impulses that eliminated equations lead to, and their pull on bodies."""
+    solved(system, equations)
     each(sites, wrench_of_impulses, work, equations)
     scattered(system, work)
 
@@ -128,18 +129,15 @@ def assembled(system: Any, sites: Any, sides: Any, sign: float, h: float, work: 
 
 
 def coupled(system: Any, sides: Any, sign: float, equations: Any) -> None:
-    """The blocks of pairs of joints that a body ties together; those that elimination fills are zero."""
+    """The blocks of pairs of joints that a body ties together."""
     blocks, table, n = equations.blocks, system.couplings, equations.residual.width
     for p in range(whole(table, 0)):
-        j, k, side, other_side, block, kind = (whole(table, 1 + 6 * p + i) for i in range(6))
-        if kind < 0:
-            put_block(blocks, block, mat(*[vec(*[0.0] * n)] * n))
-        else:
-            a, b = sides.nth(side).at(j), equations.answers.nth(other_side).at(k)
-            product = mat(*[vec(*[dot(x, y) for y in b]) for x in a])
-            if kind == 1:
-                product = block_at(blocks, block, n) + product
-            put_block(blocks, block, product)
+        j, k, side, other_side, block, added = (whole(table, 1 + 6 * p + i) for i in range(6))
+        a, b = sides.nth(side).at(j), equations.answers.nth(other_side).at(k)
+        product = mat(*[vec(*[dot(x, y) for y in b]) for x in a])
+        if added == 1:
+            product = block_at(blocks, block, n) + product
+        put_block(blocks, block, product)
     if system.parts > 0:
         bordered(system, sides, sign, equations)
 
@@ -167,7 +165,7 @@ def bordered(system: Any, sides: Any, sign: float, equations: Any) -> None:
             put_block(blocks, by_hub, mat(*[vec(*[x[i] for i in axes], *blank) for x in a]))
             answers = [vec(*[-sign * x[i] for x in b]) for i in axes]
             put_block(blocks, of_hub, mat(*answers, *[vec(*[0.0] * n)] * len(blank)))
-    for v in range(int(system.joints), int(system.nodes)):
+    for v in range(int(system.joints), int(system.order.nodes)):
         unit = [vec(*[sign if i == k else 0.0 for i in range(n)]) for k in range(n)]
         put_block(blocks, BLOCKS * v, mat(*unit))
         equations.diagonal.put(v, vec(*[1.0] * n))
@@ -176,7 +174,7 @@ def bordered(system: Any, sides: Any, sign: float, equations: Any) -> None:
 
 def nothing_of_hubs(system: Any, column: Any) -> None:
     """Set numbers of the motions of hubs, which are no conditions and no impulses, to zero."""
-    for v in range(int(system.joints), int(system.nodes)):
+    for v in range(int(system.joints), int(system.order.nodes)):
         column.put(v, vec(*[0.0] * column.width))
 
 
@@ -194,61 +192,29 @@ def factored(system: Any, sign: float, equations: Any, counted: float = 0.0) -> 
     depend on those before it, or the last joint if the determinant has lost its sign; -1 if all is well.
     counted : 1 for the number of negative pivots instead, those of conditions as -1.
     """
-    blocks, n = equations.blocks, equations.residual.width
-    bad, same, count = -1.0, 1.0, 0.0
-    for p in range(int(system.nodes)):
-        k, begin, end = (whole(system.pivots, 3 * p + i) for i in range(3))
-        before = equations.diagonal.at(k)
+
+    def negative(k: int, pivot: Mat) -> float:
         if counted > 0.0:
-            conditions = where(float(k) < system.joints, 1.0 * system.most, 0.0)
-            count = count + negative_pivots(block_at(blocks, BLOCKS * k, n), conditions)
-        inverse, turned, far = inverted(block_at(blocks, BLOCKS * k, n), before, sign)
-        same = same * turned
-        if not far and bad < 0.0:
-            bad = min(float(k), system.joints - 1.0)
-        put_block(blocks, BLOCKS * k, inverse)
-        forward(system, k, begin, end, inverse, equations)
-        for b in range(begin, end):
-            lead_block(blocks, whole(system.belows, 5 * b + 2), inverse)
-        for b in range(begin, end):
-            left, first, last = (whole(system.belows, 5 * b + i) for i in (1, 3, 4))
-            for u in range(first, last):
-                right, place = whole(system.updates, 2 * u), whole(system.updates, 2 * u + 1)
-                lessen_block(blocks, place, left, right, n)
-    bad = system.joints - 1.0 if same < 0.0 and bad < 0.0 else bad
-    return where(counted > 0.0, count, bad)
+            return negative_pivots(pivot, where(float(k) < system.joints, 1.0 * system.most, 0.0))
+        return 0.0
+
+    dependent, same_sign, count = factor(system.order, sign, equations, negative)
+    dependent, last = min(dependent, system.joints - 1.0), system.joints - 1.0
+    return where(counted > 0.0, count, where(same_sign < 0.0 and dependent < 0.0, last, dependent))
 
 
 def eliminated_again(system: Any, equations: Any) -> None:
     """Elimination of what the conditions miss, with the blocks as `factored` has left them."""
     if system.parts > 0:
         nothing_of_hubs(system, equations.residual)
-    for p in range(int(system.nodes)):
-        k, begin, end = (whole(system.pivots, 3 * p + i) for i in range(3))
-        forward(system, k, begin, end, block_at(equations.blocks, BLOCKS * k, equations.residual.width), equations)
-
-
-def forward(system: Any, k: int, begin: int, end: int, inverse: Mat, equations: Any) -> None:
-    """A joint's share of the impulses, without those of later joints, which are told of it."""
-    residual, n = equations.residual, equations.residual.width
-    x = inverse @ residual.at(k)
-    equations.impulse.put(k, x)
-    for b in range(begin, end):
-        i, left = whole(system.belows, 5 * b), whole(system.belows, 5 * b + 1)
-        residual.put(i, residual.at(i) - block_at(equations.blocks, left, n) @ x)
+    substitute_forward(system.order, equations)
 
 
 def solved(system: Any, equations: Any) -> None:
     """The impulses, from the last joint to the first."""
-    impulse, count, n = equations.impulse, int(system.nodes), equations.residual.width
-    for back in range(count):
-        k, begin, end = (whole(system.pivots, 3 * (count - 1 - back) + i) for i in range(3))
-        for b in range(begin, end):
-            i, right = whole(system.belows, 5 * b), whole(system.belows, 5 * b + 2)
-            shared = block_at(equations.blocks, right, n) @ impulse.at(i)
-            impulse.put(k, impulse.at(k) - shared)
+    substitute_back(system.order, equations)
     if system.parts > 0:
-        nothing_of_hubs(system, impulse)
+        nothing_of_hubs(system, equations.solution)
 
 
 def impulses_off(system: Any, sites: Any, work: Any, equations: Any) -> None:
@@ -256,8 +222,7 @@ def impulses_off(system: Any, sites: Any, work: Any, equations: Any) -> None:
     each(sites, excess_of, system, work, equations)
     assembled(system, sites, equations.sides, 1.0, 0.0, work, equations)
     factored(system, 1.0, equations)
-    solved(system, equations)
-    pulled_by_impulses(system, sites, work, equations)
+    pulled_by_solution(system, sites, work, equations)
 
 
 def require_multipliers(system: Any, work: Any, equations: Any) -> None:

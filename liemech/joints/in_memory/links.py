@@ -5,13 +5,14 @@ Source: Leyendecker, Marsden and Ortiz, ZAMM 88 (2008), section 3 (rows G of con
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 from ...formulas import Mat, Record, Vec, dot, mat, plain, record, vec, vectors, where
 from ...formulas.classes.layouts import Layout, carried_layout, layout_of, matrix, vector
 from ...formulas.classes.records import with_fields
 from ...formulas.columns import named
 from ...groups.lie_group import LieGroup
+from ...rooms.sites.block_elimination import Elimination
 from ...rooms.sites.steps_together import StepsTogether
 from ...systems.in_time.inputs import during, inputs
 from ...systems.in_time.knots import jump_ahead
@@ -31,57 +32,33 @@ READY, BROKEN = 1.0, 2.0
 at the start of a run, when what is shown is the state itself.
 """
 
-BLOCKS = 3
-"""Blocks of a place: that of its joint, and two of the tie to another one."""
 
-
-class Needs(NamedTuple):
-    """The parts of a linkage that places have room for; others have no width."""
-
-    full: bool  # are inertias matrices?
-    most: int  # conditions of a joint
-    freedoms: int  # coordinates that loads act along
-    joint_kinds: tuple[Layout, ...]
-    force_kinds: tuple[Layout, ...]  # of what acts on a body
-    pushed: bool  # are there loads on bodies?
-    pushed_together: bool  # one on all of them by one formula?
-    moving: bool  # joints in a given motion?
-    hubs: bool
-    geared: bool
-
-    @property
-    def loaded(self) -> bool:
-        """Does anything depend on velocities?"""
-        return self.pushed or self.geared or self.freedoms > 0
-
-
-def work_of(needs: Needs) -> Layout:
-    """The layout of what each place has beside what the method carries along."""
+def work_of(system: LinkedBodies, full: bool) -> Layout:
+    """The layout of what each place has beside what the method carries along.  full : are inertias matrices?"""
     return named(
-        **constant_layouts(needs),
+        **constant_layouts(system, BLOCK if full else SIX),
         **STANDING,
-        **motion_layouts(needs),
-        **load_layouts(needs),
-        equations=equations_of(needs),
+        **motion_layouts(system),
+        **load_layouts(system),
+        equations=equations_of(system),
     )
 
 
-def constant_layouts(needs: Needs) -> dict[str, Layout]:
+def constant_layouts(system: LinkedBodies, inertia: Layout) -> dict[str, Layout]:
     """Layouts of what does not change."""
-    inertia = BLOCK if needs.full else SIX
     return dict(
         inertia=inertia,  # J of the body
         inverse=inertia,  # J^-1
         weight=NUMBER,
         ends=ENDS,  # of the joint: first and second body, is there a second one, the kind
-        alive=vector(needs.most),  # which of its conditions count
-        lightness=NUMBER if needs.geared else NOTHING,  # 1/A of its rotor
-        off_hubs=vector(2) if needs.hubs else NOTHING,  # are its bodies no hubs?
+        alive=vector(system.most),  # which of its conditions count
+        lightness=NUMBER if system.geared else NOTHING,  # 1/A of its rotor
+        off_hubs=vector(2) if system.parts > 0 else NOTHING,  # are its bodies no hubs?
         first_joints=TOUCH,  # of the body a joint whose first one it is, and one whose second; with 1, or 0 if none is
         tie=TIE,  # of the joint another one that a body ties it to, the sides of both that it is on; and 1, or 0
-        joint_parameters=Layout("tuple", needs.joint_kinds),  # of a joint of each kind: of another one, if need be
-        acting=KIND if needs.force_kinds else NOTHING,  # the kind of what acts on the body
-        force_parameters=Layout("tuple", needs.force_kinds),  # of one of each kind, likewise
+        joint_parameters=Layout("tuple", system.kinds),  # of a joint of each kind: of another one, if need be
+        acting=KIND if system.fields else NOTHING,  # the kind of what acts on the body
+        force_parameters=Layout("tuple", system.fields),  # of one of each kind, likewise
     )
 
 
@@ -89,15 +66,16 @@ STANDING = dict(failed_joint=NUMBER, reached=NUMBER, ready=NUMBER)
 """Layouts of where steps stand, in the first place: why one has failed, after which part of it; may the next one begin?"""
 
 
-def motion_layouts(needs: Needs) -> dict[str, Layout]:
+def motion_layouts(system: LinkedBodies) -> dict[str, Layout]:
     """Layouts of forces, velocity and step of a body, and of the wrench, the given motion and the rotor of a joint."""
+    count = system.most + system.freedoms
     return dict(
         force=SIX,  # field, weight, joints and springs
         further_pull=SIX,  # of joints beyond the first one of either side
         impulse=SIX,  # G* l of its joints
         velocity=SIX,
-        unknown=Layout("tuple", (SIX, vector(needs.most))),  # displacement x, and impulses l of the joint
-        slope=Layout("tuple", (SIX, vector(needs.most))),  # along which the solution grows
+        unknown=Layout("tuple", (SIX, vector(system.most))),  # displacement x, and impulses l of the joint
+        slope=Layout("tuple", (SIX, vector(system.most))),  # along which the solution grows
         free_correction=SIX,  # A^-1 r, of the mismatch r and its derivative A
         answer=BLOCK,  # A^-1 B to impulses at the start, by columns
         free_at_end=SIX,  # dtau_x A^-1 r; of stages xi, of series the change of momentum without multipliers
@@ -110,16 +88,14 @@ def motion_layouts(needs: Needs) -> dict[str, Layout]:
         in_chart=NUMBER,  # is the displacement?
         field=SIX,  # of the potential of all bodies; of multiple time steps all slow forces
         wrench=PAIR,  # the pull of the joint on both bodies
-        paces=vector(needs.most + needs.freedoms)
-        if needs.moving
-        else NOTHING,  # rates of the joint by its given motion
-        rotor=vector(3) if needs.geared else NOTHING,  # coordinate, rate, and the rate that other joints add
+        paces=vector(count) if system.rheonomic else NOTHING,  # rates of the joint by its given motion
+        rotor=vector(3) if system.geared else NOTHING,  # coordinate, rate, and the rate that other joints add
     )
 
 
-def load_layouts(needs: Needs) -> dict[str, Layout]:
+def load_layouts(system: LinkedBodies) -> dict[str, Layout]:
     """Layouts of Newton's method for rates of joints and velocities of bodies under loads."""
-    rates, square, body = vector(needs.freedoms), matrix(needs.freedoms, needs.freedoms), needs.pushed
+    rates, square, body = vector(system.freedoms), matrix(system.freedoms, system.freedoms), system.pushed
     return dict(
         rate=rates,
         kick_foreseen=rates,  # at the next rates
@@ -129,20 +105,20 @@ def load_layouts(needs: Needs) -> dict[str, Layout]:
         kick_added=rates,  # by that
         load_slope=square,  # the derivative by rates
         newton_slope=square,  # that with which corrections were found
-        slope_ratio=NUMBER if needs.loaded else NOTHING,  # the derivative beside the inertia
-        joint_kick=SIX if needs.freedoms > 0 else NOTHING,  # of loads at joints, on the body
+        slope_ratio=NUMBER if system.loaded else NOTHING,  # the derivative beside the inertia
+        joint_kick=SIX if system.freedoms > 0 else NOTHING,  # of loads at joints, on the body
         load_velocity=SIX if body else NOTHING,  # at which loads on bodies are looked for
         load_kick=SIX if body else NOTHING,
         loaded_answer=BLOCK if body else NOTHING,  # (J - h F')^-1, by columns
-        slope_of_all=BLOCK if needs.pushed_together else NOTHING,  # of a load on all bodies, by columns
+        slope_of_all=BLOCK if system.pushes_all else NOTHING,  # of a load on all bodies, by columns
         body_slope_ratio=NUMBER if body else NOTHING,  # derivatives beside the inertia
         directions_thrown=NUMBER if body else NOTHING,  # thrown back
     )
 
 
-def equations_of(needs: Needs) -> Layout:
+def equations_of(system: LinkedBodies) -> Layout:
     """The layout of a joint's equations for impulses and rates.  Elimination needs a place for each node, and blocks behind."""
-    count = needs.most + needs.freedoms
+    count = system.most + system.freedoms
     sides, numbers = Layout("tuple", (matrix(count, 6),) * 2), vector(count)
     return named(
         sides=sides,  # G, of the first and the second body
@@ -150,7 +126,7 @@ def equations_of(needs: Needs) -> Layout:
         answers=sides,  # of both bodies to impulses, J^-1 G*
         residual=numbers,  # what conditions miss
         diagonal=numbers,
-        impulse=numbers,
+        solution=numbers,  # impulses of conditions, and changes of rates
         blocks=NOTHING,
     )
 
@@ -164,16 +140,15 @@ class LinkedBodies(System):
     length of the step that tables see, if they jump.  clock : the time that joints in a given motion see; rheonomic : are
     there any?  geared : do rotors turn with joints?  work : `work_of` it.  most, freedoms : conditions of a joint, at
     most, and coordinates that loads act along.
-    bodies, joints, nodes : how many; of nodes, that are eliminated, each joint is one, and behind them each
-    of the `parts` of the motion of a hub.  sides : on which of the two sides of joints the body of a `tie` is,
-    of the one and of the other joint, where it is the same for all of them; else -1.
+    bodies, joints : how many.  parts : of the motion of a hub, each of which is a node of elimination behind those of
+    joints.  sides : on which of the two sides of joints the body of a `tie` is, of the one and of the other joint, where
+    it is the same for all of them; else -1.
     more : how many sides of joints there are beside `touch`; of each the body, the joint, the side.
-    borders : joints at hubs, with the blocks.  couplings : pairs of joints that a body ties together,
-    beside `tie`, with the sides on which it is, and the block.  pivots, belows, updates : what elimination
-    does, see `tables_of`.  pulled : do potentials of bodies count among the forces?
-    meshes : do joints share rotors?  mesh : how many pairs of such joints; of each both, and the block;
-    meshing : the rate that the one gains by an impulse of the other.  near : with how many others a joint has a
-    body in common, at most.
+    borders : joints at hubs, with the blocks.  couplings : pairs of joints that a body ties together, beside `tie`, with
+    the sides on which it is, and the block.  order : of elimination.  pulled : do potentials of bodies count among the
+    forces?
+    meshes : do joints share rotors?  mesh : how many pairs of such joints; of each both, and the block; meshing : the rate
+    that the one gains by an impulse of the other.  near : with how many others a joint has a body in common, at most.
     """
 
     jointed: ClassVar[bool] = True
@@ -195,15 +170,12 @@ class LinkedBodies(System):
     pulled: bool
     bodies: float
     joints: float
-    nodes: float
     parts: int
     sides: tuple[int, int]
     more: Any
     borders: Any
     couplings: Any
-    pivots: Any
-    belows: Any
-    updates: Any
+    order: Elimination
     meshes: bool
     mesh: Any
     meshing: Any

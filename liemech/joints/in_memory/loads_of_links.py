@@ -291,7 +291,7 @@ def efforts_at(
 ) -> None:  # fmt: skip
     """The kick h F that loads would give at rest; or, with 1 for `moving`, a part of the last correction farther on."""
     (g, k), n = poses_of(old, work), system.freedoms
-    step = equations.impulse.load()[system.most :]
+    step = equations.solution.load()[system.most :]
     rates = vec(*[where(moving > 0.0, w + part * x, 0.0) for w, x in zip(work.rate.load(), step)])
     work.kick_at_rest.save(system.of_kind(work, lambda one: h * one.efforts(t, one.seen(t, g, k), rates, n)))
 
@@ -304,7 +304,7 @@ def efforts_there(system: Any, t: float, h: float, again: float, old: Any, work:
     kicks, gain = system.of_kind(work, lambda one: kick_of(one, t, h, one.seen(t, g, k), rates))
     idle, before = work.kick_at_rest.load(), work.kick_before.load()
     foreseen = [where(again > 0.0, a, b) for a, b in zip(work.kick_foreseen.load(), kicks)]
-    steps = [where(again > 0.0, x, 0.0) for x in equations.impulse.load()[system.most :]]
+    steps = [where(again > 0.0, x, 0.0) for x in equations.solution.load()[system.most :]]
     slopes = [slope_beside(kicks[i], idle[i], before[i], foreseen[i], rates[i], steps[i], gain[i, i]) for i in n]
     work.kick_foreseen.save(kicks)
     work.kick_before.save(kicks)
@@ -350,7 +350,7 @@ def excess_again(system: Any, work: Any, equations: Any) -> None:
 
 def wrench_of_corrections(system: Any, work: Any, equations: Any) -> None:
     """The pull on both bodies of impulses, and of the kick by a change of rates, which is no pull."""
-    m, solution = system.most, equations.impulse.load()
+    m, solution = system.most, equations.solution.load()
     pulls = [*solution[:m]]
     if system.freedoms > 0:
         pulls = [*pulls, *[-dot(row, solution[m:]) for row in work.newton_slope.load()]]
@@ -377,7 +377,7 @@ def corrected_rates(
     change, whole, falls, m = 0.0, 0.0, 0.0, system.most
     if system.freedoms > 0:
         for j in range(int(system.joints)):
-            step, off, old = equations.impulse.at(j)[m:], equations.residual.at(j)[m:], work.rate.at(j)
+            step, off, old = equations.solution.at(j)[m:], equations.residual.at(j)[m:], work.rate.at(j)
             work.rate.put(j, old + step)
             kick = work.kick_foreseen.at(j) + vec(*[dot(row, step) for row in work.newton_slope.at(j)])
             added = kick - work.kick_on_line.at(j)
@@ -396,7 +396,7 @@ def slope_along(system: Any, part: float, work: Any, equations: Any) -> float:
     """The slope of the energy along the last correction, a part of it farther on, where the kicks are known."""
     total = 0.0
     for j in range(int(system.joints)):
-        step = equations.impulse.at(j)[system.most :]
+        step = equations.solution.at(j)[system.most :]
         off = work.kick_on_line.at(j) + part * work.kick_added.at(j) - work.kick_at_rest.at(j)
         total = total + dot(step, off)
     return total
@@ -406,10 +406,10 @@ def shortened(system: Any, part: float, work: Any, equations: Any) -> None:
     """The last correction, cut to a part of it."""
     m = system.most
     for j in range(int(system.joints)):
-        whole = equations.impulse.at(j)
+        whole = equations.solution.at(j)
         kick = work.kick_on_line.at(j) + (part - 1.0) * work.kick_added.at(j)
         work.rate.put(j, work.rate.at(j) + (part - 1.0) * whole[m:])
-        equations.impulse.put(j, vec(*whole[:m], *(part * whole[m:])))
+        equations.solution.put(j, vec(*whole[:m], *(part * whole[m:])))
         work.kick_on_line.put(j, kick)
         work.kick_foreseen.put(j, kick)
 

@@ -66,7 +66,7 @@ class MultipleTimeStepsOfLinks(StepsOfLinks):
             if turn == 2:
                 for i in range(int(self.ratio)):
                     begin = t + (1.0 * i) * s
-                    self.fast.substep(fast, begin, s, sites, copies, there, there, memories.pasts.nth(0), 0, work)
+                    self.fast.substep(fast, begin, s, sites, places, 0, there, there)
             turn = turn + 1
 
 

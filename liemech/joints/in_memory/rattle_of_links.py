@@ -30,10 +30,9 @@ from ...formulas.elimination import inverted, of_quarters, quarters
 from ...formulas.tables import entry, whole
 from ...groups.retractions import Exponential
 from ...integrators.memory import continued
-from ...integrators.solvability import CONTRACTION, INFINITY, LEAST, ROUNDING, SHORTEST
+from ...integrators.solvability import CONTRACTION, INFINITY, LEAST, MOST, ROUNDING
 from ...integrators.variational import momentum_slope, with_inertia
-from ...rooms.constraints.lie_rattle import MOST
-from ...rooms.sites.steps_together import copied
+from ...rooms.sites.steps_together import copied, grown_together
 from ...solvers import NOISE
 from ...systems.kinetic_energy import times
 from ...systems.lie_poisson import BodyState
@@ -42,10 +41,9 @@ from .elimination import (
     eliminated_again,
     factored,
     impulses_off,
-    pulled_by_impulses,
+    pulled_by_solution,
     save_answers,
     scattered,
-    solved,
 )
 from .links import BROKEN, READY, REST6, LinkMemory, StepsOfLinks, answered, both, poses_of, pull_on, speeds, wrenches
 from .loads_of_links import loads
@@ -127,12 +125,12 @@ class RattleOfLinks(StepsOfLinks):
         another length is forgotten.
         """
         places = columns(sites, copies=(memory, memory), work=system.work)
-        copies, work = places.copies, places.work.fields
         if self.ending is None:
-            self.substeps_of(system, t, h, sites, copies, here, there, work)
+            self.substeps_of(system, t, h, sites, places, here, there)
             return
-        each(sites, copied, copies.nth(here), copies.nth(there))
-        pasts = copies.nth(there).fields.pasts
+        work, memory_there = places.work.fields, places.copies.nth(there)
+        each(sites, copied, places.copies.nth(here), memory_there)
+        pasts = memory_there.fields.pasts
         now, end, lasting, going = t, t + h, h, True
         while going:
             to = system.next_jump(work, now, end, self.ending)
@@ -141,31 +139,26 @@ class RattleOfLinks(StepsOfLinks):
                 each(sites, forgotten, pasts, self.stages)
             lasting = s
             seen = with_fields(system, window=(begin, s, self.ending.beyond))
-            self.substeps_of(seen, begin, s, sites, copies, there, there, work)
+            self.substeps_of(seen, begin, s, sites, places, there, there)
             now, going = to, where(h > 0.0, to < end, to > end)
         if lasting != h:
             each(sites, forgotten, pasts, self.stages)
 
-    def substeps_of(
-        self, system: Any, t: float, h: float, sites: Any, copies: Any, here: int, there: int, work: Any
-    ) -> None:
-        """The substeps of a step; what was before the first of them lies in the other copy."""
-        pasts = copies.nth(here).fields.pasts
+    def substeps_of(self, system: Any, t: float, h: float, sites: Any, places: Any, here: int, there: int) -> None:
+        """The substeps of a step, from one copy of the memory to the other."""
         for s in range(int(self.substeps)):
             share, node = entry(self.shares, 2 * s), entry(self.shares, 2 * s + 1)
-            begin = here if s == 0 else there
-            self.substep(system, t + node * h, share * h, sites, copies, begin, there, pasts.nth(s), s, work)
+            self.substep(system, t + node * h, share * h, sites, places, s, here, there)
 
-    def substep(
-        self, system: Any, t: float, h: float, sites: Any, copies: Any, begun: int, there: int, past: Any,
-        s: int, work: Any,
-    ) -> None:  # fmt: skip
-        """One step of LieRATTLE, in turns, so that code has the field and the loads once: in turn 0, at the start of a
-        run, the field alone; in turn 1 loads as they begin, displacements and impulses, and the field at the end;
-        in turn 2, under loads, their kick there with what leads off the constraint.
+    def substep(self, system: Any, t: float, h: float, sites: Any, places: Any, s: int, here: int, there: int) -> None:
+        """Substep number s, one step of LieRATTLE, in turns, so that code has the field and the loads once: in turn 0, at
+        the start of a run, the field alone; in turn 1 loads as they begin, displacements and impulses, and the field at
+        the end; in turn 2, under loads, their kick there with what leads off the constraint.
 
-        begun, there : the copies of the state before it, and of the one to which it leads.
+        here, there : the copies of the memory before the whole step, where the past of all substeps lies, and after it.
         """
+        copies, work, begun = places.copies, places.work.fields, here if s == 0 else there
+        past, new_past = [copies.nth(k).fields.pasts.nth(s) for k in (here, there)]
         old, new = copies.nth(begun).fields.state, copies.nth(there).fields.state
         conditions, ready = work.equations.heads(system.most), work.ready.at(0)
         turn = 1 if ready == READY else 0
@@ -188,73 +181,61 @@ class RattleOfLinks(StepsOfLinks):
                 looked_at, k = copies.nth(begun if turn == 0 else there).fields.state, h * float(turn)
                 field(system, t + k, 0.5 * k, sites, looked_at, new, work)
             turn = turn + 1
-        each(sites, ended, system, past, copies.nth(there).fields.pasts.nth(s), new, work)
+        each(sites, ended, system, past, new_past, new, work)
         work.ready.put(0, READY)
 
     def solve(self, system: Any, t: float, h: float, sites: Any, old: Any, work: Any, equations: Any) -> None:
         """Displacements and impulses: the solution that grows out of zero with h, as `LieRATTLE` finds it.  Raises
         NoConvergence.
         """
-        reached, piece, part, tried, bad = 0.0, 1.0, 1.0, 0.0, -1.0
-        while True:
-            each(sites, wrench_of_unknown, work, equations)
-            scattered(system, work)
-            each(sites, held_by_unknown, work)
-            solved_here, tried, bad = self.newton(system, t, h, part, tried, sites, old, work, equations)
-            if solved_here:
-                reached, piece = part, 2.0 * piece
-                if reached < 1.0:
-                    each(sites, scaled, 1.0 / part, work.unknown, work.slope)
-            else:
-                piece = 0.5 * piece
-            part = min(1.0, reached + piece)
-            if not (reached < 1.0 and piece > SHORTEST and tried < MOST):
-                break
-            each(sites, scaled, part, work.slope, work.unknown)
+        reached, dependent = grown_together(sites, work, self.newton, system, t, h, old)
         if reached < 1.0:
-            work.failed_joint.put(0, bad if bad >= 0.0 else worst(system, equations))
+            work.failed_joint.put(0, dependent if dependent >= 0.0 else worst(system, equations))
             work.reached.put(0, reached)
             raise NoConvergence("no solution grows out of h = 0 up to this step")
 
     def newton(
-        self, system: Any, t: float, h: float, part: float, tried: float, sites: Any, old: Any, work: Any, equations: Any
-    ) -> tuple[bool, float, float]:  # fmt: skip
+        self, part: float, count: float, sites: Any, work: Any, system: Any, t: float, h: float, old: Any
+    ) -> tuple[bool, float, float]:
         """Newton's method at a part of the step: has it found a solution inside the chart, after how many corrections, and
         the joint whose conditions depend on others, or -1.  While corrections are small the derivative stays as it was.
         """
-        k, before, anew, done, inside, bad = part * h, INFINITY, True, False, False, -1.0
+        each(sites, wrench_of_unknown, work, work.equations.heads(system.most))
+        scattered(system, work)
+        each(sites, held_by_unknown, work)
+        h = part * h
+        equations, now = work.equations.heads(system.most), system.at_time(t + h)
+        before, anew, settled, inside, dependent = INFINITY, True, False, False, -1.0
         while True:
-            now = system.at_time(t + k)
             if system.meshes:
                 meshed(system, work)
             if anew:
                 sign = 1.0 if h > 0.0 else -1.0
-                each(sites, correction_of_body, system, self.retraction, k, old, work)
-                each(sites, correction_of_joint, now, sign, k, work, equations)
-                assembled(system, sites, equations.end_sides, sign, k, work, equations)
-                bad = factored(system, h, equations)
+                each(sites, correction_of_body, system, self.retraction, h, old, work)
+                each(sites, correction_of_joint, now, sign, h, work, equations)
+                assembled(system, sites, equations.end_sides, sign, h, work, equations)
+                dependent = factored(system, h, equations)
             else:
-                each(sites, mismatch_of_body, system, self.retraction, k, old, work)
-                each(sites, mismatch_of_joint, now, k, work, equations)
+                each(sites, mismatch_of_body, system, self.retraction, h, old, work)
+                each(sites, mismatch_of_joint, now, h, work, equations)
                 eliminated_again(system, equations)
-            solved(system, equations)
-            pulled_by_impulses(system, sites, work, equations)
+            pulled_by_solution(system, sites, work, equations)
             each(sites, corrected, system, self.retraction, work, equations)
             length, whole, size, upright, inside = summed(system, work)
-            tried = tried + 1.0
+            count = count + 1.0
             shrinks = length <= CONTRACTION * before
             noisy = length <= NOISE * NOISE * (whole + size)
-            good = upright and bad < 0.0 and (shrinks or noisy)
-            settled = length <= ROUNDING * size or (
+            good = upright and dependent < 0.0 and (shrinks or noisy)
+            small = length <= ROUNDING * size or (
                 length * length <= FINE * size * whole
                 if before == INFINITY
                 else length * (length / before) <= LEAST * whole
             )
-            done = good and (settled or not shrinks)
+            settled = good and (small or not shrinks)
             before, anew = length, length > NEAR * whole
-            if done or not good or not tried < MOST:
+            if settled or not good or not count < MOST:
                 break
-        return done and inside, tried, bad
+        return settled and inside, count, dependent
 
 
 def field(system: Any, t: float, h: float, sites: Any, seen: Any, new: Any, work: Any) -> None:
@@ -290,12 +271,6 @@ def guessed(system: Any, h: float, old: Any, past: Any, work: Any) -> None:
 def nothing(pasts: Any) -> Any:
     """Are all numbers of all vectors zero, as before the first step?"""
     return vectors.sum([abs(x) for past in pasts for x in past]) == 0.0
-
-
-def scaled(factor: float, column: Any, other: Any) -> None:
-    """Displacements and impulses times a factor."""
-    x, l = column.load()
-    other.save((factor * x, factor * l))
 
 
 def held_by_unknown(work: Any) -> None:
@@ -369,7 +344,7 @@ def corrected(system: Any, retraction: Any, work: Any, equations: Any) -> None:
     """The unknown after Newton's correction, and what it tells: how long the correction is, and the displacement."""
     (x, l), J, push = work.unknown.load(), work.inertia.load(), pull_on(work)
     dx = work.free_correction.load() - answered(work.answer.load(), push)
-    x, l = x - dx, l - equations.impulse.load()
+    x, l = x - dx, l - equations.solution.load()
     work.unknown.save((x, l))
     work.impulse.save(work.impulse.load() - push)
     work.change_square.save(dot(dx, times(J, dx)))

@@ -203,7 +203,7 @@ class LinksRun(SiteRun):
         self.workers = 1
         form = self.plan._one.linked
         before = 2 * width + self.shape.method.room
-        planes = Planes.of_rows(before + len(form.fixed) + form.more, self.count)
+        planes = Planes.of_rows(before + len(form.fixed) + form.working_rows, self.count)
         self.of = columns(Planes(planes.array[before:], self.count), work=form.links.work).work.fields
         self.work[: len(form.fixed), : self.count] = form.fixed
         return planes

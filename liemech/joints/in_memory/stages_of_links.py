@@ -24,7 +24,7 @@ from ...systems.kinetic_energy import KineticEnergy, times
 from ...systems.lie_poisson import LiePoissonSystem
 from ...systems.mechanical import MechanicalSystem
 from ...systems.potential import NoPotential
-from .elimination import assembled, excess_of, pulled_by_impulses, require_multipliers, solved
+from .elimination import assembled, excess_of, pulled_by_solution, require_multipliers
 from .links import StepsOfLinks, both, poses_of, pull_on, speeds
 from .loads_of_links import loads
 from .rattle_of_links import field
@@ -95,8 +95,7 @@ def multipliers(system: Any, t: float, sites: Any, state: Any, work: Any) -> Non
     each(sites, curved, system, state, work, equations)
     assembled(system, sites, equations.sides, 1.0, 1.0, work, equations)
     require_multipliers(system, work, equations)
-    solved(system, equations)
-    pulled_by_impulses(system, sites, work, equations)
+    pulled_by_solution(system, sites, work, equations)
 
 
 def displacement(method: Any, h: float, flow: int, slopes: Any) -> Vec:

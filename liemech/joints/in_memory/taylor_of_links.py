@@ -31,11 +31,10 @@ from .elimination import (
     assembled,
     eliminated_again,
     free_answers,
-    pulled_by_impulses,
+    pulled_by_solution,
     require_multipliers,
     save_answers,
     scattered,
-    solved,
 )
 from .links import PAIR, SIX, StepsOfLinks, both, pull_on, speeds
 
@@ -116,9 +115,8 @@ class TaylorOfLinks(StepsOfLinks):
                 require_multipliers(system, work, equations)
             else:
                 eliminated_again(system, equations)
-            solved(system, equations)
+            pulled_by_solution(system, sites, work, equations)
             each(sites, multiplied, k, terms, equations)
-            pulled_by_impulses(system, sites, work, equations)
             each(sites, next_terms, h, k, terms, work)
         each(sites, summed_up, self, h, old, new, terms)
 
@@ -338,4 +336,4 @@ def own_block(system: Any, terms: Any, work: Any, equations: Any) -> None:
 
 def multiplied(k: int, terms: Any, equations: Any) -> None:
     """lam_k, kept."""
-    terms.multiplier.nth(k).save(equations.impulse.load())
+    terms.multiplier.nth(k).save(equations.solution.load())

@@ -14,16 +14,13 @@ from ...groups.retractions import Exponential, Retraction
 from ...integrators.kicks.explicit_kicks import bound_refusal, negative_pivots
 from ...integrators.memory import Memory, Remembering, extrapolated, followed, repeated
 from ...integrators.method import alternatives
-from ...integrators.solvability import CONTRACTION, INFINITY, LEAST, ROUNDING, grown
+from ...integrators.solvability import CONTRACTION, INFINITY, LEAST, MOST, ROUNDING, grown
 from ...integrators.variational import momentum_slope, with_inertia
 from ...solvers import NOISE, newton, newton_of_kicks
 from ...systems.kinetic_energy import times
 from ...systems.lie_poisson import BodyState
 from .conditions import joint, led, pulled, solved_sparse, speeds
 from .constrained_body import ConstrainedBody
-
-MOST = 500.0
-"""Corrections in a step after which its branch is given up."""
 
 
 @record

@@ -9,5 +9,6 @@ runs them.  In the order in which one reads:
     separable_sites.py        masses in R^n
     parts_of_spins.py         parts of an energy of spins that move in closed form; spin_splittings.py composes them
     steps_together.py         methods that step all sites at once; galerkin_of_chain.py: the midpoint method of chains and rings
+    block_elimination.py      elimination of what ties sites or joints, in an order that is found before the run
     runs/                     runs step by step over the sites
 """

@@ -22,46 +22,44 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
+from ...compiler.numbers.square_blocks import save_block
 from ...compiler.sites.planes import columns, each
 from ...errors import NoConvergence
 from ...formulas import Mat, Vec, dot, identity_matrix, jacobian, mat, plain, record, vec, where
 from ...formulas.classes.layouts import Layout, matrix, vector
 from ...formulas.columns import named
-from ...formulas.elimination import inverted
-from ...formulas.sites import own
+from ...formulas.sites import own, padded
 from ...formulas.tables import entry
 from ...groups.lie_group import LieGroup
 from ...groups.retractions import Exponential
 from ...integrators.memory import Memory, extrapolated, followed, repeated
-from ...integrators.solvability import CONTRACTION, INFINITY, LEAST, ROUNDING, SHORTEST
+from ...integrators.solvability import CONTRACTION, INFINITY, LEAST, MOST, ROUNDING
 from ...integrators.variational import with_inertia
 from ...solvers import NOISE
 from ...systems.lie_poisson import BodyState
-from .steps_together import StepsTogether, copied
+from .block_elimination import BLOCKS, Elimination, factor, substitute_back, substitute_forward
+from .steps_together import StepsTogether, copied, grown_together
 from .terms.terms_at_site import at_this_site
-
-MOST = 500.0
-"""Corrections in a step after which it is given up."""
 
 
 def work_of(n: int) -> Layout:
     """The layout of what each site has beside what the method carries along, for a group of n dimensions."""
     row, block = vector(n), matrix(n, n)
+    alone = Layout("tuple", (row,))
     return named(
-        unknown=row,  # the displacement x
-        slope=row,  # along which the solution grows
+        unknown=alone,  # the displacement x
+        slope=alone,  # along which the solution grows
         force=row,  # of the bond to the next site, and of what the site has on its own
         push=row,  # of that bond on the next site
-        rest=row,  # -(2/h) r
-        answer=row,  # zeta
-        told=vector(3),  # squares of the correction, of the displacement, of what is large where the site is
-        own=block,  # -df/dzeta of the site itself; then the block of the site, and its inverse
-        right=block,  # by the next site, then of the row of the site
+        residual=row,  # -(2/h) r
+        diagonal=row,  # zero: no size is asked of a pivot
+        solution=row,  # zeta
+        squares=vector(3),  # squares of the correction, of the displacement, of what is large where the site is
+        own=block,  # -df/dzeta of the site itself
+        right=block,  # by the next site
         back=block,  # of the push by the site itself
         ahead=block,  # of the push by the next site
-        left=block,  # of the row of the site by the site before
-        column=block,  # of a ring: of the site by the last one
-        row=block,  # and of the last one by the site
+        blocks=Layout("tuple", ()),
     )
 
 
@@ -73,8 +71,8 @@ class GalerkinOfChain(StepsTogether):
     alone: Any  # the terms of one site
     before: Any  # of each site the one before it
     tied: Any  # of each site 1 if there is one before it, else 0
-    ring: bool  # is the first site tied to the last?
     sites: float  # the number of sites
+    order: Elimination  # of sites
     work: Layout  # of the numbers that a site has in memory
     shares: Any  # of the substeps, each with its node
     substeps: float  # the number of substeps
@@ -85,7 +83,7 @@ class GalerkinOfChain(StepsTogether):
     @property
     def room(self) -> int:
         """Rows of numbers that a step works with."""
-        return self.work.width
+        return self.work.width + self.order.rows(self.work.parts[0].width, int(self.sites))
 
     def start(self, system: Any, state: Any, h: float) -> Memory:
         """A state, and pasts of displacements at its velocity."""
@@ -113,46 +111,43 @@ class GalerkinOfChain(StepsTogether):
         solution is grown out of h = 0, in parts of the step.
         """
         each(sites, guessed, system, h, old, past, work)
-        reached, piece, part, tried = 0.0, 1.0, 1.0, 0.0
-        while True:
-            k = part * h
-            before, anew, last = INFINITY, True, False
-            while True:
-                each(sites, forces_here, self, system, old, work)
-                if last:
-                    break
-                each(sites, misfit_here, self, system, t, k, old, work)
-                if anew:
-                    each(sites, slopes_here, self, system, old, work)
-                    each(sites, block_here, self, system, t, k, old, work)
-                    factored(self, work)
-                solved(self, work)
-                each(sites, corrected, system, old, work)
-                length, whole, size = summed(self, work)
-                tried = tried + 1.0
-                shrinks = length <= CONTRACTION * before
-                small = length <= NOISE * NOISE * (whole + size)
-                if not (length < INFINITY and (shrinks or small or anew) and tried < MOST):
-                    break
-                if not (shrinks or small) and length > before:
-                    break
-                last = length <= ROUNDING * size or (before < INFINITY and length * (length / before) <= LEAST * whole)
-                last = last or (small and not shrinks)
-                anew = not (shrinks or before == INFINITY) or (anew and length > FAR * whole)
-                before = length
-            if last:
-                reached, piece = part, 2.0 * piece
-                if reached < 1.0:
-                    each(sites, scaled, 1.0 / part, work.unknown, work.slope)
-            else:
-                piece = 0.5 * piece
-            part = min(1.0, reached + piece)
-            if not (reached < 1.0 and piece > SHORTEST and tried < MOST):
-                break
-            each(sites, scaled, part, work.slope, work.unknown)
+        reached, _ = grown_together(sites, work, self.newton, system, t, h, old)
         if reached < 1.0:
             raise NoConvergence("no displacements found that fit the momenta and the forces")
         each(sites, ended, self, system, t, h, old, past, work)
+
+    def newton(
+        self, part: float, count: float, sites: Any, work: Any, system: Any, t: float, h: float, old: Any
+    ) -> tuple[bool, float, float]:
+        """Newton's method at a part of the step: has it found displacements, after how many corrections; and no remark."""
+        h = part * h
+        before, anew, settled = INFINITY, True, False
+        while True:
+            each(sites, forces_here, self, system, old, work)
+            if settled:
+                break
+            each(sites, misfit_here, self, system, t, h, old, work)
+            if anew:
+                each(sites, slopes_here, self, system, old, work)
+                each(sites, block_here, self, system, t, h, old, work)
+                factor(self.order, 1.0, work)
+            else:
+                substitute_forward(self.order, work)
+            substitute_back(self.order, work)
+            each(sites, corrected, system, old, work)
+            length, whole, size = summed(self, work)
+            count = count + 1.0
+            shrinks = length <= CONTRACTION * before
+            small = length <= NOISE * NOISE * (whole + size)
+            if not (length < INFINITY and (shrinks or small or anew) and count < MOST):
+                break
+            if not (shrinks or small) and length > before:
+                break
+            settled = length <= ROUNDING * size or (before < INFINITY and length * (length / before) <= LEAST * whole)
+            settled = settled or (small and not shrinks)
+            anew = not (shrinks or before == INFINITY) or (anew and length > FAR * whole)
+            before = length
+        return settled, count, 0.0
 
 
 FAR = 2.0**-8
@@ -167,18 +162,13 @@ leads.
 def guessed(system: Any, h: float, old: Any, past: Any, work: Any) -> None:
     """The displacement that continues those of the last steps, and the slope with which it begins."""
     xi = at_this_site(system).velocity(plain(old.load().mu))
-    work.unknown.save(extrapolated(*past.load()))
-    work.slope.save(h * xi)
-
-
-def scaled(factor: float, column: Any, other: Any) -> None:
-    """The displacement times a factor."""
-    other.save(factor * column.load())
+    work.unknown.save((extrapolated(*past.load()),))
+    work.slope.save((h * xi,))
 
 
 def middle_of(system: Any, old: Any, work: Any) -> tuple[Any, Vec, Any]:
     """The state at the start of the step, x, and the element half-way."""
-    start, x = old.load(), work.unknown.load()
+    start, (x,) = old.load(), work.unknown.load()
     return start, x, system.configurations.compose_exp(plain(start.g), 0.5 * x)
 
 
@@ -243,7 +233,7 @@ def misfit_here(method: Any, system: Any, t: float, h: float, old: Any, work: An
     site, f = pulled(method, system, t, h, x, g, work)
     r, _ = misfit(group, h, x, site.body.lagrangian.momentum((1.0 / h) * x), plain(start.mu), f)
     right_side = (-2.0 / h) * Exponential().dtau_inv_dual(group, -0.5 * x, r)
-    work.rest.save(system.potential.moving(right_side))
+    work.residual.save(system.potential.moving(right_side))
 
 
 def block_here(method: Any, system: Any, t: float, h: float, old: Any, work: Any) -> None:
@@ -272,8 +262,8 @@ def block_here(method: Any, system: Any, t: float, h: float, old: Any, work: Any
     D, left, right = (rows_moving(moves, m) for m in (D, left, right))
     free = moves(vec(*[1.0 for _ in range(n)]))
     D = mat(*[D[i] + (1.0 - free[i]) * units[i] for i in range(n)])
-    for column, block in ((work.own, D), (work.left, left), (work.right, right)):
-        column.save(block)
+    for slot, block in enumerate((D, right, left)):
+        save_block(work.blocks, BLOCKS, slot, block)
 
 
 def rows_moving(moves: Any, m: Mat) -> Mat:
@@ -286,13 +276,13 @@ def corrected(system: Any, old: Any, work: Any) -> None:
     displacement, and of what is large where the site is.
     """
     group, momentum = system.configurations, at_this_site(system).body.lagrangian.momentum
-    x, zeta = work.unknown.load(), work.answer.load()
+    (x,), zeta = work.unknown.load(), work.solution.load()
     dx = 2.0 * Exponential().dtau_inv(group, 0.5 * x, zeta)
     x = x + dx
     size = group.scale(plain(old.load().g))
     length = where(Exponential().is_chart(group, 0.75 * x), dot(dx, momentum(dx)), INFINITY)
-    work.unknown.save(x)
-    work.told.save(vec(length, dot(x, momentum(x)), dot(size, momentum(size))))
+    work.unknown.save((x,))
+    work.squares.save(vec(length, dot(x, momentum(x)), dot(size, momentum(size))))
 
 
 def ended(method: Any, system: Any, t: float, h: float, old: Any, past: Any, work: Any) -> None:
@@ -309,61 +299,22 @@ def ended(method: Any, system: Any, t: float, h: float, old: Any, past: Any, wor
 # ------------------------------------------------------------------ from site to site
 
 
-def factored(method: Any, work: Any) -> None:
-    """Elimination of the blocks, in place: of D its inverse stays, of the block left of it the factor
-    of the row before.  Of a ring `column` ties a site to the last one, and `row` the last one to it.
+def order_along(n: int, ring: bool) -> Elimination:
+    """The elimination of n sites, one after the other.  Of a ring the last one is tied to all others by then, by blocks
+    behind those of places.
     """
-    D, left, right, column, row = work.own, work.left, work.right, work.column, work.row
-    zero, end = vec(*[0.0 for _ in range(work.rest.width)]), int(method.sites) - 1
-    if method.ring:
-        column.put(0, left.at(0))
-        row.put(0, right.at(end))
-    for k in range(end + 1):
-        inverse, _, _ = inverted(D.at(k), zero, 1.0)
-        D.put(k, inverse)
-        if k < end:
-            above = right.at(k)
-            if method.ring:
-                beside, factor = column.at(k), row.at(k) @ inverse
-                row.put(k, factor)
-            if k < end - method.ring:
-                lower = left.at(k + 1) @ inverse
-                left.put(k + 1, lower)
-                D.put(k + 1, D.at(k + 1) - lower @ above)
-                if method.ring:
-                    row.put(k + 1, -(factor @ above))
-                    column.put(k + 1, -(lower @ beside))
-            if method.ring:
-                if k == end - 2:
-                    column.put(k + 1, column.at(k + 1) + right.at(k + 1))
-                    row.put(k + 1, row.at(k + 1) + left.at(end))
-                D.put(end, D.at(end) - factor @ beside)
-
-
-def solved(method: Any, work: Any) -> None:
-    """The corrections, from the right sides and the blocks after elimination."""
-    D, left, right, column, row = work.own, work.left, work.right, work.column, work.row
-    mismatch, answer, end = work.rest, work.answer, int(method.sites) - 1
-    for k in range(end):
-        y = mismatch.at(k)
-        if method.ring:
-            mismatch.put(end, mismatch.at(end) - row.at(k) @ y)
-        if k < end - method.ring:
-            mismatch.put(k + 1, mismatch.at(k + 1) - left.at(k + 1) @ y)
-    answer.put(end, D.at(end) @ mismatch.at(end))
-    for back in range(end):
-        k = end - 1 - back
-        y = mismatch.at(k)
-        if method.ring:
-            y = y - column.at(k) @ answer.at(end)
-        if k < end - method.ring:
-            y = y - right.at(k) @ answer.at(k + 1)
-        answer.put(k, D.at(k) @ y)
+    end, behind = n - 1, BLOCKS * padded(n)
+    blocks = {(k, k): BLOCKS * k for k in range(n)}
+    blocks |= {(k, (k + turn) % n): BLOCKS * k + slot for k in range(n) for slot, turn in ((1, 1), (2, -1))}
+    borders = [pair for k in range(1, end - 1) for pair in ((k, end), (end, k))] if ring else []
+    blocks |= {pair: behind + i for i, pair in enumerate(borders)}
+    later_of = [sorted({k + 1, end} if ring else {k + 1}) for k in range(end)]
+    return Elimination.in_order(range(n), [*later_of, []], blocks, [blocks[pair] for pair in borders])
 
 
 def summed(method: Any, work: Any) -> tuple[float, float, float]:
     """The sums over all sites of what a correction tells."""
-    total = work.told.at(0)
+    total = work.squares.at(0)
     for k in range(1, int(method.sites)):
-        total = total + work.told.at(k)
+        total = total + work.squares.at(k)
     return total[0], total[1], total[2]

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, ClassVar
 
+from ...compiler.sites.planes import each
 from ...formulas import Record, record
+from ...integrators.solvability import MOST, SHORTEST
 
 
 @record
@@ -32,3 +35,33 @@ class StepsTogether(Record):
 def copied(old: Any, new: Any) -> None:
     """The place, unchanged: its numbers lie in memory."""
     new.save(old.load())
+
+
+def grown_together(sites: Any, work: Any, newton: Callable[..., Any], *args: Any) -> tuple[float, float]:
+    """The part of a step, 1 or less, up to which a solution grows out of h = 0, and the last remark of `newton`.
+
+    work : has the columns of unknowns and of slopes, the unknowns over the part, which are followed; those at h = 0 to
+    begin with.  newton : at a part, after so many corrections: have more of them led to a solution there, how many are
+    they by then, and a remark.
+
+    Source: as for `grown`.
+    """
+    reached, piece, part, count, remark = 0.0, 1.0, 1.0, 0.0, 0.0
+    while True:
+        converged, count, remark = newton(part, count, sites, work, *args)
+        if converged:
+            reached, piece = part, 2.0 * piece
+            if reached < 1.0:
+                each(sites, scaled, 1.0 / part, work.unknown, work.slope)
+        else:
+            piece = 0.5 * piece
+        part = min(1.0, reached + piece)
+        if not (reached < 1.0 and piece > SHORTEST and count < MOST):
+            break
+        each(sites, scaled, part, work.slope, work.unknown)
+    return reached, remark
+
+
+def scaled(factor: float, column: Any, product: Any) -> None:
+    """The parts of the value of a site, times a factor, in another column."""
+    product.save(tuple([factor * x for x in column.load()]))

@@ -18,7 +18,7 @@ from ....integrators.composition import Composition
 from ....integrators.ending_at_jumps import EndingAtJumps, cuts
 from ....integrators.galerkin import GalerkinVariational
 from ....systems.mechanical import MechanicalSystem
-from ..galerkin_of_chain import GalerkinOfChain, work_of
+from ..galerkin_of_chain import GalerkinOfChain, order_along, work_of
 from ..terms.sums_of_terms import PlaceTerms
 from ..terms.terms_at_site import ForceOfSite, PotentialOfSite, RoleAtSite
 from .run import SiteRun
@@ -56,6 +56,8 @@ def chained_method(plan: Any) -> GalerkinOfChain | None:
     first = np.zeros(n)
     for part in bonds:
         first[part.graph.edges[:, 0]] = 1.0
+    if n < 3 and first[-1]:
+        return None  # two bonds between two sites
     edges = [RoleAtSite.of_incidence(with_fields(part, merged=False), 0, part.graph.incidence(0)) for part in bonds]
     alone = [role for role in site.potential.roles if role.alone]
     return GalerkinOfChain(
@@ -64,8 +66,8 @@ def chained_method(plan: Any) -> GalerkinOfChain | None:
         tuple(alone),
         SiteTable.of(np.roll(np.arange(n), 1)[None]),
         SiteArray.of(np.roll(first, 1)),
-        bool(first[-1]),
         float(n),
+        order_along(n, bool(first[-1])),
         work_of(dim),
         Table(np.ravel(rows)),
         float(len(rows)),
@@ -77,7 +79,7 @@ def bonds_along(potential: PlaceTerms, n: int) -> list[Any] | None:
     """The terms of two sites, if all of them tie a site to the next one, the last one perhaps to the
     first; else None.
     """
-    found = []
+    bonds = []
     for part in potential.parts:
         if part.graph.arity == 1:
             continue
@@ -86,8 +88,8 @@ def bonds_along(potential: PlaceTerms, n: int) -> list[Any] | None:
         ends = part.graph.edges
         if len(ends) > n or not (ends[:, 1] == (ends[:, 0] + 1) % n).all():
             return None
-        found.append(part)
-    return found or None
+        bonds.append(part)
+    return bonds or None
 
 
 class ChainRun(SiteRun):
@@ -99,22 +101,22 @@ class ChainRun(SiteRun):
         """
         self.workers = 1
         method = self.shape.method
-        made = Planes.of_rows(2 * width + method.room, self.count)
-        told = columns(made, copies=vector(2 * width), work=method.work).work.fields.told
-        self.squares = made.array[told.rows[0]]
-        return made
+        planes = Planes.of_rows(2 * width + method.room, self.count)
+        squares = columns(planes, copies=vector(2 * width), work=method.work).work.fields.squares
+        self.squares = planes.array[squares.rows[0]]
+        return planes
 
     def _why(self, failures: list[Any], first: int, again: Any) -> Any:
         """The reason for which a step failed, and at which site."""
-        found = failures[-1] if failures else None
-        if not isinstance(found, (NoConvergence, OutsideChart, NoneType)):
-            return found
+        failure = failures[-1] if failures else None
+        if not isinstance(failure, (NoConvergence, OutsideChart, NoneType)):
+            return failure
         error = NoConvergence(
             f"{self.plan.method!r}: Newton's method found no displacements that fit momenta and forces. "
             f"The step h = {self.h:g} is too long there; try {0.25 * self.h:g}"
         )
-        told = np.nan_to_num(self.squares[: self.count], nan=np.inf)
-        error.site = getattr(found, "site", int(told.argmax()))  # type: ignore[attr-defined]
+        squares = np.nan_to_num(self.squares[: self.count], nan=np.inf)
+        error.site = getattr(failure, "site", int(squares.argmax()))  # type: ignore[attr-defined]
         return error
 
     def _origin(self, error: Any, t: float) -> Any:
