@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..simulation.reports.written_tables import latex_label
-from .style import Figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def write_pgf(figure: Figure, path: Path) -> None:

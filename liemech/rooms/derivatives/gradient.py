@@ -16,7 +16,7 @@ from ...simulation import arguments
 from ...simulation.result import of_some
 from ...simulation.trajectory import Trajectory
 from ...systems.system import State, member
-from .losses import Objective, Loss
+from .losses import Loss, Objective
 from .of_sites.pullback import goes_by_sites, gradient_by_sites
 from .tangent import derived, in_steps
 from .through_blocks import Backward, prepared
