@@ -292,11 +292,16 @@ class AtJoint(Record):
         """The rates of the motions.  xi : of all bodies, (6 N,)."""
         return rates_of(self.joint.at_time(t), g, xi)
 
-    def led(self, t: float, g: Vec, multipliers: Vec) -> float:
-        """The power that a given motion of the joint brings in, lam . dc/dt."""
-        return vectors.sum(
-            [lam * pace for lam, pace in zip(multipliers, self.joint.at_time(t).paces(*both(self.joint, g)))]
-        )
+    def led(self, t: float, g: Vec, xi: Vec, multipliers: Vec) -> float:
+        """The power that a given motion of the joint brings in: by conditions, lam . dc/dt, and by the forces at the
+        joint, against which its support moves.
+        """
+        joint = self.joint.at_time(t)
+        first, second = both(joint, g)
+        efforts = self.efforts(t, g, self.rates(t, g, xi)) if len(self.forces) > 0 else ()
+        by_conditions = [lam * pace for lam, pace in zip(multipliers, joint.paces(first, second))]
+        by_forces = [-(effort * pace) for effort, pace in zip(efforts, joint.paces_of_motions(first, second))]
+        return vectors.sum([*by_conditions, *by_forces])
 
     def drive(self, t: float, g: Vec, multipliers: Vec) -> Vec:
         """The torques or forces along the coordinates of a path, lam . dc/dq."""

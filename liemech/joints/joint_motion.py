@@ -119,8 +119,9 @@ class JointMotion:
 
     @cached_property
     def given_power(self) -> np.ndarray:
-        """The power that the given motion of the joint brings in, lam . dc/dt, in W.  (n,)"""
-        return np.asarray(self.at.led(self._t, self.run.g, self._multipliers))
+        """The power that the given motion of the joint brings in, against its conditions and forces, in W.  (n,)"""
+        xi = self.linkage.velocity(self.run.mu)
+        return np.asarray(self.at.led(self._t, self.run.g, xi, self._multipliers))
 
     @cached_property
     def given_work(self) -> np.ndarray:

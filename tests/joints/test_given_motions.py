@@ -331,3 +331,14 @@ def test_bodies_under_drag_that_follow_a_path(h):
         run = lm.integrate(system, lm.LieRATTLE(), system.state(**start), h=h, steps=20, compiled=False)
         ends_at.append(run.g[-1])
     assert np.abs(ends_at[0] - ends_at[1]).max() < 1e-12
+
+
+def test_a_support_works_against_the_motor_of_its_joint():
+    """A motor of force F on a slider whose support moves along it by u(t): the support brings in F u'."""
+    slider = lm.joints.PrismaticJoint(0, None, axis=[0.0, 0.0, 1.0])
+    forces, motions = [lm.joints.Motor(0, 1.5)], {0: Shaking([0.0, 0.0, 0.2], 3.0)}
+    led = lm.joints.Linkage([lm.joints.Link(2.0, [0.1, 0.1, 0.1])], [slider], 0.0, forces, motions=motions)
+    run = lm.integrate(led, lm.LieRATTLE(), led.state(angles={}), h=0.02, steps=10, compiled=False)
+    motion = run.joint(0)
+    assert np.allclose(motion.given_power, 1.5 * 0.6 * np.cos(3.0 * run.t), rtol=1e-12)
+    assert np.allclose(run.energy - run.energy[0], motion.work + motion.given_work, rtol=0.0, atol=1e-5)
