@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType, NotDefined
+from ..errors import InvalidInput, InvalidType, NotDefined, undefined
 from ..formulas import Mat, Record, Vec, atan2, cross, dot, mat, record, sqrt, transpose, vec
 from ..formulas.classes.records import with_fields
 from ..groups.lie_group import LieGroup
@@ -88,6 +88,8 @@ class Joint(Record):
                 f"{name}: turns says of each of its {self.freedoms} coordinates whether it is the angle about an axis, "
                 f"such as {(True, *[False] * (self.freedoms - 1))}; got {self.turns!r}"
             )
+        if type(self).at_time is not Joint.at_time and type(self).paces is Joint.paces:
+            raise undefined(self, "paces")
         armature = getattr(self, "armature", 0.0)
         if not 0.0 <= armature < np.inf:
             raise InvalidInput(f"{name}: armature must be 0 or more; got {armature!r}")
@@ -636,12 +638,11 @@ class Joints(Constraint):
         return any(joint.at_time(1.0) is not joint for joint in self.joints)
 
     def paces(self, g: Vec) -> list[Any]:
-        """dc/dt, (m,); nothing if conditions do not change with time."""
+        """dc/dt, (m,)."""
         paces: list[Any] = []
-        if self.rheonomic:
-            for joint, indices in self.counted:
-                of_joint = joint.paces(*both(joint, g))
-                paces = [*paces, *[of_joint[i] if len(of_joint) > 0 else 0.0 for i in indices]]
+        for joint, indices in self.counted:
+            of_joint = joint.paces(*both(joint, g))
+            paces = [*paces, *[of_joint[i] if len(of_joint) > 0 else 0.0 for i in indices]]
         return paces
 
     @property
@@ -702,8 +703,7 @@ class WithRotors(Constraint):
 
     def paces(self, g: Vec) -> list[Any]:
         """The rates dc/dt of the joints; zero for the rotors."""
-        paces = self.held.paces(g)
-        return [*paces, *[0.0 for _ in self.rotors]] if len(paces) > 0 else paces
+        return [*self.held.paces(g), *[0.0 for _ in self.rotors]]
 
     @property
     def yields(self) -> tuple[Any, ...]:

@@ -217,11 +217,6 @@ class Linkage(ConstrainedBody):
         )
 
     @property
-    def rheonomic(self) -> bool:
-        """Whether motions of joints are given."""
-        return len(self.motions) > 0
-
-    @property
     def geared(self) -> bool:
         """Whether rotors turn with joints."""
         return len(self.rotors) > 0
@@ -300,11 +295,8 @@ class Linkage(ConstrainedBody):
 
     def at_time(self, t: float) -> Linkage:
         """The linkage with its given motions frozen at time t."""
-        if not self.rheonomic:
-            return self
-        joints = tuple(joint.at_time(float(t)) for joint in self.joints)
-        at_time: Linkage = with_fields(self, joints=joints, constraint=self.constraint.at_time(float(t)))
-        return at_time
+        frozen = super().at_time(t)
+        return with_fields(frozen, joints=frozen.constraint.joints) if self.rheonomic else self
 
     @classmethod
     def from_urdf(
@@ -503,7 +495,7 @@ class Linkage(ConstrainedBody):
         if left out.  t : when, for motions that are given.
         """
         if self.rheonomic and t != 0.0:
-            return self.vouched(self.at_time(t).assembled(poses, velocities))
+            return self.at_time(t).assembled(poses, velocities)
         count = len(self.links)
         g = real_array(poses, "Linkage.assembled: poses")
         xi = np.zeros((count, 6)) if velocities is None else real_array(velocities, "Linkage.assembled: velocities")
@@ -605,7 +597,7 @@ class Linkage(ConstrainedBody):
         """
         if self.rheonomic and t != 0.0:
             at_start = self.at_time(t)
-            return self.vouched(at_start.state(mu, g, xi=xi, angles=angles, rates=rates, near=near))
+            return at_start.state(mu, g, xi=xi, angles=angles, rates=rates, near=near)
         if angles is None and rates is None:
             if near is not None:
                 raise InvalidInput("Linkage.state: near goes with angles or rates")

@@ -47,15 +47,17 @@ def matching(system: Any, method: Any) -> None:
             raise error from None
 
 
-def started(system: Any, start: Any, record: Iterable[str] | None) -> State:
+def started(system: Any, start: Any, record: Iterable[str] | None, t0: float = 0.0) -> State:
     """The start of a run as formulas take it, with the parts that are recorded and those that they need."""
-    return with_parts(system, system._written_out(known(system, start)), record)
+    return with_parts(system, system._written_out(known(system, start, t0)), record)
 
 
-def known(system: Any, start: Any) -> State:
-    """The start, made by the system's `state`."""
+def known(system: Any, start: Any, t0: float = 0.0) -> State:
+    """The start, made by the system's `state`, where conditions change with time by that at t0."""
     if not isinstance(start, State):
         raise InvalidType(f"integrate: start must come from system.state(...); got {type(start).__name__}")
+    if getattr(system, "rheonomic", False):
+        system = system.at_time(t0)
     if not system._knows(start):
         try:
             start = system.state(**start.arrays)

@@ -247,7 +247,8 @@ class Plan:
         """A run of a system of many sites, site by site; None if it is to be written out."""
         sites: Any = self._sites
         if sites.knows(start):
-            start, t0 = sites.started(self, start), arguments.real(t0, "t0")
+            t0 = arguments.real(t0, "t0")
+            start = sites.started(self, start, t0)
             if sites.takes(start):
                 self._warn_of(start)
         if path is None:
@@ -289,7 +290,8 @@ class Plan:
             trajectory = short_run(self, start, steps, t_end, t0, t_eval)
             if trajectory is not None:
                 return trajectory
-        start, t0 = self._started(start), arguments.real(t0, "t0")
+        t0 = arguments.real(t0, "t0")
+        start = self._started(start, t0)
         if self.fictive and steps is None and t_end is None:
             raise InvalidInput("integrate: give h, the step in fictive time, and steps or t_end")
         if self.fictive and t_end is None and t_eval is not None:
@@ -345,9 +347,9 @@ class Plan:
         trajectory: Trajectory = kind(self, start, t0, steps, t_end, t_eval, checkpoint).trajectory()
         return trajectory
 
-    def _started(self, start: Any) -> Any:
+    def _started(self, start: Any, t0: float = 0.0) -> Any:
         """The start, checked, with the parts that the run needs."""
-        return started(self, start)
+        return started(self, start, t0)
 
     def _kept(self, path: Any, seconds: Any) -> Checkpoint:
         """The checkpoint to which a run is saved; refuses at once what cannot be saved."""
@@ -536,7 +538,8 @@ class Plan:
             return self.run(start, steps=0, t0=t0).carry
         if self.fictive:
             return like(self, events=()).run(start, steps=0, t0=t0).carry
-        start, t0 = self._started(start), arguments.real(t0, "t0")
+        t0 = arguments.real(t0, "t0")
+        start = self._started(start, t0)
         self._warn_of(start)
         with self._beginning(start, t0):
             return StraightRun(like(self, events=(), recorder=None), start, t0, 0, None, None).trajectory().carry

@@ -333,7 +333,7 @@ class Trajectory:
             return DenseOutputs(tuple([self._alone(i)._motion for i in range(self.bodies)]))
         system: Any = self.system
         complete = self.bodies is None and not self.observed and len(self.t) == self.steps + 1 > 1
-        example = system.state(**{name: x[0] for name, x in self.states.items()}) if complete else None
+        example = system._reached(**{name: x[0] for name, x in self.states.items()}) if complete else None
         if isinstance(self.carry, SiteCarry) or isinstance(example, StateOfSites):
             if complete and self.rejected is None:
                 return self._runs_by_sites.between(self, type(example))

@@ -342,3 +342,94 @@ def test_a_support_works_against_the_motor_of_its_joint():
     motion = run.joint(0)
     assert np.allclose(motion.given_power, 1.5 * 0.6 * np.cos(3.0 * run.t), rtol=1e-12)
     assert np.allclose(run.energy - run.energy[0], motion.work + motion.given_work, rtol=0.0, atol=1e-5)
+
+
+@lm.record
+class WithoutRates(lm.joints.BallJoint):
+    """A ball joint whose place in space moves along e1 by 0.2 sin(3 t); it does not say how fast."""
+
+    t: float = 0.0
+
+    def at_time(self, t):
+        """At time t."""
+        return replace(self, t=t)
+
+    def value(self, g, k):
+        """x_1 - x_2 less the shift."""
+        return lm.joints.BallJoint.value(self, g, k) - vec(0.2 * sin(3.0 * self.t), 0.0, 0.0)
+
+
+@lm.record
+class ShakenBall(WithoutRates):
+    """It says that."""
+
+    def paces(self, g, k):
+        """Less the rate of the shift."""
+        return [-0.6 * cos(3.0 * self.t), 0.0, 0.0]
+
+
+def shaken(kind, **motions):
+    """A rod that hangs from a point."""
+    return lm.joints.Linkage([lm.joints.Link(1.0, [0.1, 0.1, 0.02])], [kind(0, None, [0.0, 0.0, 0.5])], **motions)
+
+
+def test_a_joint_of_ones_own_may_move_with_time():
+    """It moves as a shaken support does, and is refused without the rates of its conditions."""
+    supported = shaken(lm.joints.BallJoint, motions={0: Shaking([0.2, 0.0, 0.0], 3.0)})
+    for t in 0.0, 0.4:
+        start = supported.state(angles={}, t=t)
+        steps = {"h": 0.02, "steps": 4, "t0": t, "compiled": False}
+        beside = lm.integrate(supported, lm.LieRATTLE(), start, **steps)
+        moved = shaken(ShakenBall)
+        run = lm.integrate(moved, lm.LieRATTLE(), moved.state(start.mu, start.g, t=t), **steps)
+        assert np.abs(run.g - beside.g).max() < 1e-14
+        half = lm.integrate(moved, lm.LieRATTLE(), moved.state(start.mu, start.g, t=t), **steps | {"steps": 2})
+        later = lm.integrate(moved, lm.LieRATTLE(), half.last, **steps | {"steps": 2, "t0": half.t[-1]})
+        assert np.abs(later.g[-1] - run.g[-1]).max() < 1e-14
+
+    with pytest.raises(lm.errors.NotDefined, match="must define `paces`"):
+        shaken(WithoutRates)
+
+
+def test_starts_are_for_the_time_at_which_a_run_begins():
+    """A start made for another time misses the conditions: it was carried along, 7 cm off."""
+    led = shaken(lm.joints.BallJoint, motions={0: Shaking([0.2, 0.0, 0.0], 3.0)})
+    for made, t0 in (0.0, 0.4), (0.4, 0.0):
+        for method in lm.RKMK(order=4), lm.LieRATTLE():
+            with pytest.raises(lm.errors.InconsistentState, match="c\\(g\\) must be zero"):
+                lm.integrate(led, method, led.state(angles={}, t=made), h=0.02, steps=2, t0=t0, compiled=False)
+    plan = lm.Plan(led, lm.LieRATTLE(), h=0.02, compiled=False)
+    run = plan.run(led.state(angles={}, t=0.4), steps=4, t0=0.4)
+    between = plan.run(led.state(angles={}, t=0.4), steps=4, t0=0.4, t_eval=[0.43])
+    assert np.array_equal(run.at([0.43]).g, between.g)
+
+
+@lm.record
+class Rising(lm.Constraint):
+    """A point of a body in the plane stays at the height 0.3 sin t."""
+
+    at: lm.Vec
+    t: float = 0.0
+
+    def at_time(self, t):
+        """At time t."""
+        return replace(self, t=t)
+
+    def value(self, g):
+        """Its height over that."""
+        return vec(g[1, 2] + g[1, 0] * self.at[0] + g[1, 1] * self.at[1] - 0.3 * sin(self.t))
+
+    def paces(self, g):
+        """Less the rate of that."""
+        return [-0.3 * cos(self.t)]
+
+
+def test_conditions_of_ones_own_may_change_with_time():
+    """They were frozen at t = 0.  The last digits are those of RKMK, which drifts off conditions."""
+    free = lm.LiePoissonSystem(lm.SE2(), lm.KineticEnergy([0.5, 1.0, 1.0]))
+    body = lm.ConstrainedBody(free, Rising([0.2, 0.1]))
+    start = body.at_time(0.4).consistent([0.1, 0.3, 0.2], np.eye(3))
+    run = lm.integrate(body, lm.RKMK(order=4), start, h=0.02, steps=10, t0=0.4, compiled=False)
+    assert np.allclose(run.g[:, 1, 2] + run.g[:, 1, :2] @ [0.2, 0.1], 0.3 * np.sin(run.t), rtol=0.0, atol=1e-9)
+    with pytest.raises(lm.errors.IncompatibleSystem, match="conditions that change with time"):
+        lm.integrate(body, lm.LieRATTLE(), start, h=0.02, steps=10, t0=0.4, compiled=False)

@@ -219,7 +219,7 @@ def rows_of_constraint(system: BoundBody, at: AtState) -> Iterator[Same]:
 
 def _require_held(system: Any) -> None:
     """Joints in a given motion do work, and states are on their conditions at one time alone."""
-    if isinstance(system, BoundBody) and system.constraint.rheonomic:
+    if isinstance(system, BoundBody) and system.rheonomic:
         raise NotDefined("conditions change with time")
 
 

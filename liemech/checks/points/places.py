@@ -219,7 +219,7 @@ def places(first: CheckPlace) -> Iterator[CheckPlace]:
     """
     yield first
     base = first.base
-    moves = isinstance(base, BoundBody) and base.constraint.rheonomic
+    moves = isinstance(base, BoundBody) and base.rheonomic
     if knows_time(base) and not moves:
         yield from filter(_serves, [replace(first, name="the start, late", t0=first.t0 + LATE[1])])
     starts = [*_others(base.at_time(first.t0) if moves else base, first.start)]

@@ -57,7 +57,7 @@ def spread(plan: Any, start: Any, executor: Any, **how: Any) -> Any:
         raise InvalidInput(
             "integrate: executor is for ensembles, whose bodies it spreads; executor.submit(plan.run, ...) for one"
         )
-    plan._started(start)
+    plan._started(start, how["t0"])
     arguments.ends(how["t_end"], start.bodies)
     arguments.columns(how["t_eval"], start.bodies)
     chunks = _chunks(start.bodies, how.get("steps") or 1000, getattr(executor, "_max_workers", None))

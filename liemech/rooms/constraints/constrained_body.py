@@ -9,6 +9,7 @@ import numpy as np
 
 from ...errors import InconsistentState, InvalidInput, InvalidType, NoConvergence, require, undefined
 from ...formulas import Element, Mat, Vec, derivative, mat, record, vec, vectors
+from ...formulas.classes.records import with_fields
 from ...formulas.vectors import small
 from ...groups.lie_group import LieGroup
 from ...groups.retractions import Retraction
@@ -109,6 +110,15 @@ class BoundBody(System):
         return self.body.configurations
 
     @property
+    def rheonomic(self) -> bool:
+        """Whether its conditions change with time."""
+        return self.constraint.rheonomic
+
+    def at_time(self, t: float) -> Any:
+        """The bodies with their conditions frozen at time t."""
+        return with_fields(self, constraint=self.constraint.at_time(float(t))) if self.rheonomic else self
+
+    @property
     def group(self) -> Any:
         """T*G, the group that moves momentum and configuration together."""
         return self.body.group
@@ -203,14 +213,14 @@ class BoundBody(System):
 
     def rows_at(self, t: float, g: Any) -> Any:
         """G by conditions and blocks, at time t."""
-        if not self.constraint.rheonomic:
+        if not self.rheonomic:
             return self.rows(g)
         return self.constraint.at_time(t).rows(self.configurations, g)
 
     def _slips(self, t: float, g: Any, xi: Vec) -> list[Any]:
         """G xi + dc/dt, condition by condition."""
         slips = speeds(self, self.rows_at(t, g), xi)
-        if self.constraint.rheonomic:
+        if self.rheonomic:
             slips = [a + b for a, b in zip(slips, self.constraint.at_time(t).paces(g))]
         return slips
 
@@ -239,8 +249,8 @@ class BoundBody(System):
         return self.body.variation(state, omega)
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """The energy; nothing, as far as is known, under a load."""
-        if self.body.load is not None:
+        """The energy; nothing, as far as is known, under a load or conditions that change with time."""
+        if self.body.load is not None or self.rheonomic:
             return {}
         return {"energy": np.asarray(self.energy(states["mu"], states["g"]))}
 
@@ -290,7 +300,7 @@ class BoundBody(System):
 
     def _paces(self, g: Any) -> Any:
         """The rate of the conditions where bodies rest, dc/dt, (m,), or 0."""
-        return np.array(self.constraint.paces(g)) if self.constraint.rheonomic else 0.0
+        return np.array(self.constraint.paces(g)) if self.rheonomic else 0.0
 
     def _require_zero(self, what: str, value: np.ndarray, scale: np.ndarray) -> None:
         if (np.abs(value) > CONSISTENT * scale).any():

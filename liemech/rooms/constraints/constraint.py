@@ -48,13 +48,13 @@ class Constraint(Record):
         return self
 
     def paces(self, g: Any) -> list[Any]:
-        """dc/dt, (m,); nothing, unless they change with time."""
-        return []
+        """dc/dt, (m,), of conditions that change with time."""
+        raise undefined(self, "paces")
 
     @property
     def rheonomic(self) -> bool:
-        """Whether the conditions depend on time."""
-        return False
+        """Whether the conditions change with time."""
+        return self.at_time(1.0) is not self
 
     @property
     def yields(self) -> tuple[Any, ...]:

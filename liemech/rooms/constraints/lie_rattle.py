@@ -70,10 +70,10 @@ class LieRATTLE(Remembering):
 
     def at_node(self, system: Any, state: BodyState, h: float) -> tuple[Vec, Any]:
         """The force, and the derivative of the constraint by rows."""
-        if system.constraint.rheonomic or getattr(system, "geared", False):
+        if system.rheonomic or getattr(system, "geared", False):
             raise IncompatibleSystem(
-                f"{self!r}: joints in a given motion, or with an armature, go with steps of fixed length, "
-                "without tangents"
+                f"{self!r}: conditions that change with time, such as joints in a given motion, and rotors go with "
+                "linkages and steps of fixed length, without tangents; RKMK(order=4) takes all conditions"
             )
         g = plain(state.g)
         return system.force(g), system.rows(g)

@@ -67,7 +67,7 @@ def backwards(
     asked = every, loss, along, cotangent
     if plan._sites is not None and goes_by_sites(plan, start, names, loss, along):
         return _by_sites(plan, what, start, steps, t_end, t0, names, asked)
-    start = plan._started(start)
+    start = plan._started(start, t0)
     if plan.fictive:
         raise IncompatibleSystem(
             f"Plan.{what}: steps in fictive time depend on how the run began; plan.tangent differentiates them"

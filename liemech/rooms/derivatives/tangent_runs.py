@@ -28,11 +28,11 @@ def tangent_of(plan: Any, start: Any, steps: Any, t_end: Any, t0: Any, by: Any, 
         raise InvalidInput(f'Plan.tangent: give one of along and against, and by="start"; got by={by!r}')
     product = (named[0], products[named[0]]) if named else None
     if plan._sites is not None and plan._sites.takes(start):
-        by_sites = plan._sites.started(plan, start)
+        by_sites = plan._sites.started(plan, start, t0)
         run_by_sites = _of_sites(plan._sites, by_sites, steps, t_end, t0, names, product)
         if run_by_sites is not None:
             return run_by_sites
-    start = plan._started(start)
+    start = plan._started(start, t0)
     with plan._beginning(start, t0):
         if start.bodies is None:
             run = of_one(plan, start, steps, t_end, t0, names)

@@ -12,7 +12,7 @@ from ...systems.system import State, member
 from .. import arguments
 
 
-def started(plan: Any, start: Any) -> Any:
+def started(plan: Any, start: Any, t0: float) -> Any:
     """The start with the parts that the run needs; its bodies must be as many as the systems,
     and as the steps if they have steps of their own.
     """
@@ -21,7 +21,7 @@ def started(plan: Any, start: Any) -> Any:
     if layout is not None:
         return start if start.bodies else restricted(start, layout[0])
     inner, original = plan._inner, start
-    start = arguments.started(inner, start, needed(plan, inner, start))
+    start = arguments.started(inner, start, needed(plan, inner, start), t0)
     for name, each in plan.of_each.items():
         if start.bodies == len(each):
             continue
@@ -36,7 +36,7 @@ def started(plan: Any, start: Any) -> Any:
     if plan._one is not plan.system and plan._one.bounded:
         if not plan.fictive:
             arguments.allowed(plan.system, start)
-    elif (plan._plain or not plan.of_each) and inner._knows(original):
+    elif (plan._plain or not plan.of_each) and not getattr(inner, "rheonomic", False) and inner._knows(original):
         side = kernel.side_by_side(start.bodies)
         if start.bodies is None:
             plan._laid_out[layout_of(original)] = layout_of(start), side

@@ -35,7 +35,7 @@ def gradient_by_sites(
     """
     if start.bodies is not None:
         raise IncompatibleSystem(f"Plan.{what}: many sites go member by member: give one start at a time")
-    state, ends = plan._sites.started(plan, start), None
+    state, ends = plan._sites.started(plan, start, t0), None
     asked = {"steps": steps, "t_end": t_end, "t0": t0}
     adaptive = plan if plan.adaptive else None
     if plan.adaptive:

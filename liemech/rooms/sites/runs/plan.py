@@ -88,9 +88,9 @@ class SitesOfPlan:
             self.known[key] = Prepared(self.plan, self.site, first, starts, curves, every, level)
         return self.known[key]
 
-    def started(self, plan: Any, start: Any) -> Any:
+    def started(self, plan: Any, start: Any, t0: float = 0.0) -> Any:
         """The start with the parts that a run of this plan needs."""
-        known = arguments.known(plan._one, start)
+        known = arguments.known(plan._one, start, t0)
         start = by_site(plan._one, known)
         if plan.recorder is None and plan.record is None:
             return start
