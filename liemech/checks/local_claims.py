@@ -247,7 +247,7 @@ def off_constraint(bound: Any, states: list[Any], times: list[float]) -> Iterato
     """
     largest = {"constraint": 0.0, "hidden constraint": 0.0}
     for t, state in zip(times, states, strict=True):
-        system = bound.at_time(t) if bound.rheonomic else bound
+        system = bound.at_time(t)
         G, paces = np.array(system.jacobian(state.g), dtype=float), system._paces(state.g)
         reach = system._reach_of(G, state.mu, state.g) + np.abs(paces)
         speed = np.abs(G @ flat(system.velocity(state.mu)) + paces) / np.where(reach > 0.0, reach, 1.0)

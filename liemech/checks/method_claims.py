@@ -109,9 +109,9 @@ class MethodTrial:
         """The parts of the state at the end time, after a number of steps."""
         return ended(self.run(steps, self.time / steps, method=method))
 
-    def at(self, arrays: dict[str, np.ndarray]) -> Any:
-        """The state with these parts, unchecked."""
-        return self.system.vouched(small_state(type(self.start), arrays))
+    def at(self, arrays: dict[str, np.ndarray], elapsed: float) -> Any:
+        """The state with these parts so much later than the start, unchecked."""
+        return self.system.vouched(small_state(type(self.start), arrays), self.t0 + elapsed)
 
     @cached_property
     def exact(self) -> tuple[dict[str, np.ndarray], float]:
@@ -207,7 +207,7 @@ class MethodTrial:
             # the steps may leave where the system is defined
             with contextlib.suppress(IntegrationFailure, InvalidInput):
                 outward = self.run(WAY, h)
-                return h, outward, self.run(WAY, -h, self.at(ended(outward)), elapsed=WAY * h)
+                return h, outward, self.run(WAY, -h, self.at(ended(outward), WAY * h), elapsed=WAY * h)
         raise InvalidInput(f"check_method: {self.method!r} made no sensible step on {self.system!r}; give a smaller h")
 
     @property
@@ -278,7 +278,7 @@ def way_back(trial: MethodTrial) -> Observation:
     if claimed and defect > EXACT:
         try:
             outward = trial.run(WAY, h, compensated=True)
-            back = trial.run(WAY, -h, trial.at(ended(outward)), elapsed=WAY * h, compensated=True)
+            back = trial.run(WAY, -h, trial.at(ended(outward), WAY * h), elapsed=WAY * h, compensated=True)
             if defect <= GROWN * max(trial.distances(ended(back), home).values()):
                 defect = 0.0
         except (IntegrationFailure, InvalidInput):

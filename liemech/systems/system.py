@@ -218,9 +218,8 @@ class System(Record):
         """
         return omega, self.group.scale(None)
 
-    @final
-    def vouched(self, state: State) -> Any:
-        """The state, noted as checked by `state` of this system, so that `integrate` need not check it again."""
+    def vouched(self, state: State, t: float = 0.0) -> Any:
+        """The state, noted as checked by `state` of this system at time t, so that `integrate` need not check it again."""
         return self._vouched(state)
 
     def _vouched(self, state: State) -> Any:

@@ -123,7 +123,8 @@ class CheckPlace:
 
     def led(self, method: Any, state: Any, h: float, steps: int, elapsed: float = 0.0) -> dict[str, np.ndarray]:
         """The parts of the last state, or states, of a run in physical time."""
-        begin, options = self.base.vouched(state), {"h": h, "steps": steps, "every": steps, "t0": self.t0 + elapsed}
+        t = self.t0 + elapsed
+        begin, options = self.base.vouched(state, t), {"h": h, "steps": steps, "every": steps, "t0": t}
         with np.errstate(all="ignore"):
             return ended(run_of(self.base, method, begin, self.compiled, compensated=False, **options))
 

@@ -118,6 +118,10 @@ class BoundBody(System):
         """The bodies with their conditions frozen at time t."""
         return with_fields(self, constraint=self.constraint.at_time(float(t))) if self.rheonomic else self
 
+    def vouched(self, state: Any, t: float = 0.0) -> Any:
+        """The state, noted as checked under the conditions at time t."""
+        return self.at_time(t)._vouched(state)
+
     @property
     def group(self) -> Any:
         """T*G, the group that moves momentum and configuration together."""
@@ -272,7 +276,7 @@ class BoundBody(System):
                 where, f"{type(self).__name__}.state" + ("" if state.bodies is None else f": body {k}")
             )
             self._require_consistent(member, where)
-        return self.vouched(state)
+        return self._vouched(state)
 
     @final
     def _reached(self, **parts: Any) -> BodyState:
