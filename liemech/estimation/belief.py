@@ -10,7 +10,7 @@ from ..errors import InvalidInput
 from ..formulas.arrays import real_array, shown
 from ..formulas.classes.frozen import frozen
 from ..groups.lie_group import LieGroup
-from .errors_of_elements import check_side
+from .errors_of_elements import check_side, error
 
 
 @frozen(eq=False)
@@ -44,9 +44,7 @@ class Belief:
 
     def error(self, x: Any) -> Any:
         """The error of this estimate, (..., dim), where x is the truth."""
-        back = self.group.inverse(self.g)
-        pair = (back, x) if self.side == "left" else (x, back)
-        return self.group.log(self.group.compose(*pair))
+        return error(self.group, self.side, self.g, x)
 
     def nees(self, x: Any) -> Any:
         """The squared error e . P^-1 e, where x is the truth: of a consistent filter it is distributed

@@ -15,9 +15,6 @@ from ..formulas.classes.frozen import frozen
 class Consistency:
     """Averages of squared errors over runs, (times,), and the bounds between which the average of a consistent filter
     lies with the given probability, at each time.
-
-    mean : over all runs and times, which is dim for a consistent filter.
-    inside : the share of times within the bounds.
     """
 
     average: np.ndarray
@@ -26,7 +23,7 @@ class Consistency:
 
     @property
     def mean(self) -> float:
-        """Over all runs and times."""
+        """The average over all runs and times, which is dim for a consistent filter."""
         return float(self.average.mean())
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..formulas import Ambient, Element, Mat, Vec, dot, mat, record, solve, transpose, vec
+from ..formulas import Ambient, Element, Mat, Vec, dot, identity_matrix, mat, record, solve, transpose, vec
 from .errors_of_elements import by_error, moved, squares, symmetric, transition, transported
 from .filter import Correction, Filter
 
@@ -57,7 +57,7 @@ class ErrorStateCorrection(Correction):
         if nis > self.limit:
             return g, covariance, nis
         e = K @ r
-        A = _one_minus(K @ H)
+        A = identity_matrix(self.group.dim) - K @ H
         P = symmetric(A @ covariance @ A.T + K @ R @ K.T)
         if self.reset:
             P = transported(self.group, self.side, e, P)
@@ -80,9 +80,3 @@ def gain(S: Mat, C: Mat, r: Vec) -> tuple[Mat, float]:
     n = len(C)
     solved = solve(S, mat(*[vec(*[C[j, i] for j in range(n)], r[i]) for i in range(len(r))]))
     return transpose(mat(*[row[:n] for row in solved])), dot(r, vec(*[row[n] for row in solved]))
-
-
-def _one_minus(m: Mat) -> Mat:
-    """The difference 1 - m, (n, n)."""
-    n = len(m)
-    return mat(*[[1.0 - m[i, j] if i == j else -m[i, j] for j in range(n)] for i in range(n)])

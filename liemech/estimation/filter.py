@@ -21,7 +21,16 @@ EVERYTHING = 1e300
 
 
 @record
-class Correction(Record):
+class OfBeliefs(Record):
+    """Formulas of an element and the covariance of its error; abstract."""
+
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
+        dim = self.group.dim  # type: ignore[attr-defined]
+        return (dim, dim) if argument == "covariance" else super()._shape(argument, kind)
+
+
+@record
+class Correction(OfBeliefs):
     """How a measurement of one sensor corrects a belief; abstract.
 
     limit : of the squared innovation; beyond it the belief stays.
@@ -45,19 +54,9 @@ class Correction(Record):
 
     _space = property(attrgetter("sensor"))
 
-    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        return _shape(self.group, argument, kind) or super()._shape(argument, kind)
-
-
-def _shape(group: Any, argument: str, kind: str) -> tuple[int, ...] | None:
-    if argument == "covariance":
-        return (group.dim, group.dim)
-    shape: tuple[int, ...] | None = group.element_shape if argument == "g" else None
-    return shape
-
 
 @record
-class Filter(Record):
+class Filter(OfBeliefs):
     """A filter on the group of a process; abstract.
 
     side : of the error, "left": x = g exp(e), or "right": x = exp(e) g.
@@ -162,9 +161,6 @@ class Filter(Record):
         return correction
 
     _space = property(attrgetter("process"))
-
-    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        return _shape(self.group, argument, kind) or super()._shape(argument, kind)
 
 
 MANY = 64

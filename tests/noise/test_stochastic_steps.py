@@ -399,7 +399,7 @@ def test_what_cannot_be_meant_is_named() -> None:
     with pytest.raises(lm.errors.InvalidInput, match="order 4"):
         lm.NinomiyaVictoir(lm.ImplicitMidpoint())
     # the mean of cos(sqrt(h) z) is 1 - h/2 + h^2/8 by the fourth moment 3, which +-1 has not: 1 - h/2 + h^2/24
-    with pytest.raises(lm.errors.InvalidInput, match="moments of the normal ones up to the fifth"):
+    with pytest.raises(lm.errors.InvalidInput, match="for order 2; got 'two-point'"):
         lm.NinomiyaVictoir(increments="two-point")
     with pytest.raises(lm.errors.InvalidInput, match="another sense"):
         lm.WongZakai(lm.RKMK(order=1))

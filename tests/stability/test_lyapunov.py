@@ -144,5 +144,5 @@ def test_bad_input_is_told() -> None:
         lm.lyapunov(plan, body.state(mu=np.ones((2, 3))), steps=10)
     # pieces of 100 steps would all have the noise of the first
     noisy = lm.Stochastic(body, [[0.3, 0.0, 0.0]], seed=1)
-    with pytest.raises(lm.errors.IncompatibleSystem, match="without noise"):
+    with pytest.raises(lm.errors.IncompatibleSystem, match="without noise, which would repeat"):
         lm.lyapunov(lm.Plan(noisy, lm.WongZakai(), h=0.1), noisy.state(mu=[0.1, 0.2, 0.9]), steps=200)

@@ -121,14 +121,13 @@ def told_apart(written: Any, now: dict[str, str]) -> str:
     """The differences of library, Python and machine between a file and here, in words; empty without any."""
     if not isinstance(written, dict):
         return ""
-    versions_of_file = {name: str(written.get(name, "?")) for name in ("liemech", "python", "platform")}
-    minor = {name: x.rpartition(".")[0] if name == "python" else x for name, x in versions_of_file.items()}
-    versions_here = {name: x.rpartition(".")[0] if name == "python" else x for name, x in now.items()}
-    return ", ".join(
-        f"{'Python' if name == 'python' else name} {versions_of_file[name]} (here {now[name]})"
-        for name in versions_of_file
-        if minor[name] != versions_here[name]
-    )
+    differences = []
+    for name in ("liemech", "python", "platform"):
+        there, here_now = str(written.get(name, "?")), now[name]
+        digits = -1 if name == "python" else None  # without the last number of its version
+        if there.split(".")[:digits] != here_now.split(".")[:digits]:
+            differences.append(f"{'Python' if name == 'python' else name} {there} (here {here_now})")
+    return ", ".join(differences)
 
 
 def _of_each(thing: Any, pool: Pool) -> Any:
@@ -377,8 +376,7 @@ def _states_of(
 def _origin_of(about: dict[str, Any], method: Any, decode: Decoder) -> Any:
     """The origin of a run in fictive time, or a tuple with one for each body."""
     columns = about["origins"] if "origins" in about else [*zip(*about["origin"], strict=True)]
-    systems = decode.each(_listed(columns[0]), System)
-    starts = decode.each(_listed(columns[1]), State)
+    systems, starts = decode.each(columns[0], System), decode.each(columns[1], State)
     pairs = enumerate(zip(systems, starts, strict=True))
     origins = tuple([Origin(system, of_body(method, i), start) for i, (system, start) in pairs])
     return origins[0] if about["together"] else origins
@@ -458,11 +456,6 @@ def _require_samples(
                 raise InvalidInput(
                     f"{where}: {count} samples of {name} are {x.shape} of {x.dtype}; one is {shape} of {part.dtype}"
                 )
-
-
-def _listed(content: Any) -> Any:
-    """The parts of a list or tuple as a new list; other values unchanged."""
-    return [*content] if isinstance(content, (list, tuple)) else content
 
 
 def _require_numbers(where: str, value: Any, kinds: tuple[type, ...], bodies: int | None) -> None:

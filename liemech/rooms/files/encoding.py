@@ -186,7 +186,7 @@ class Decoder:
 
     def each(self, value: Any, kind: type) -> list[Any]:
         """Many records of this kind, such as the systems of an ensemble."""
-        if isinstance(value, list):
+        if isinstance(value, (list, tuple)):
             return [self.record(x, kind) for x in value]
         if not isinstance(value, dict) or value.keys() != {"first", "count", "at"}:
             self._refuse(value)

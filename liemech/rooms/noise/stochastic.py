@@ -95,16 +95,14 @@ class NoisyMotion(AlongStep, LiePoissonMotion):
     along_orbits: ClassVar[bool] = True
 
     @property
-    def group(self) -> LieGroup:
+    def group(self) -> Any:
         """The group of the motion."""
-        group: LieGroup = self.drift.group
-        return group
+        return self.drift.group
 
     @property
-    def hamiltonian(self) -> Hamiltonian:
+    def hamiltonian(self) -> Any:
         """The energy of the drift."""
-        energy: Hamiltonian = self.drift.hamiltonian
-        return energy
+        return self.drift.hamiltonian
 
     def velocity(self, mu: Vec) -> Vec:
         """The velocity.  mu : (dim,)."""

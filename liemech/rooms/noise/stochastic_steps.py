@@ -187,10 +187,7 @@ class NinomiyaVictoir(NoisySteps):
                 f"NinomiyaVictoir: method must be of order 4 or more, without memory, such as RKMK(order=4); got {method!r}"
             )
         if self.increments == "two-point":
-            raise InvalidInput(
-                "NinomiyaVictoir: increments of weak order 2 have the moments of the normal ones up to the fifth: "
-                f"'three-point' or 'normal'; got {self.increments!r}, for WongZakai"
-            )
+            raise InvalidInput("NinomiyaVictoir: increments is 'normal' or 'three-point', for order 2; got 'two-point'")
 
     @property
     def name(self) -> str:

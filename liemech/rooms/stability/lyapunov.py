@@ -83,13 +83,8 @@ def lyapunov(
     Source: Benettin, Galgani, Giorgilli, Strelcyn, Meccanica 15 (1980), part 2; Cincotta, Giordano, Simo, Physica D 182
     (2003).
     """
-    if plan.fictive:
-        raise IncompatibleSystem("lyapunov: of steps in time; fictive time has exponents of its own")
-    if plan._first_of("method").noisy:
-        raise IncompatibleSystem(
-            f"lyapunov: of motions without noise, for each of its pieces would begin the noise anew; got {plan.system!r:.90}. "
-            "Plan.tangent has how disturbances of one path grow"
-        )
+    if plan.fictive or plan._first_of("method").noisy:
+        raise IncompatibleSystem("lyapunov: of steps in time, without noise, which would repeat in every piece")
     if start.bodies is not None and not hasattr(start, "in_a_row"):
         raise InvalidInput(f"lyapunov: start is the state of one body; got an ensemble of {start.bodies}")
     if plan.adaptive == (t_end is None) or plan.adaptive != (steps is None):

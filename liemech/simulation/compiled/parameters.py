@@ -93,10 +93,7 @@ class Input:
     def __init__(self, system: Any, name: str, caller: str) -> None:
         self.name, self.caller = name, caller
         if system.noisy:
-            raise InvalidInput(
-                f"{caller}: {name} of a system with noise is no input, for with every command the noise would begin anew; "
-                "make a plan of the system with the other value, and give it another seed"
-            )
+            raise InvalidInput(f"{caller}: {name} of a system with noise is no input: the noise would begin anew")
         self.layout = layout_of(parameter(system, name, caller))
         self.whole = layout_of(system)
         self.width, self.gather = self.layout.width, gatherer(self.layout)
