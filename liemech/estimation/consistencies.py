@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput
-from ..formulas.arrays import check_finite, real_array
+from ..formulas.arrays import real_array, shown
 from ..formulas.classes.frozen import frozen
 
 
@@ -55,14 +55,12 @@ def consistency(nees: Any, dim: int, probability: float = 0.95) -> Consistency:
     squares = real_array(nees, "consistency: nees")
     if squares.ndim != 2 or not squares.size:
         raise InvalidInput(f"consistency: nees has shape {squares.shape}; it must be (times, runs)")
-    check_finite(squares, "consistency: nees")
-    if squares.min() < 0.0:
-        raise InvalidInput(f"consistency: nees holds squares, which are not negative; got {squares.min()}")
+    if not (squares >= 0.0).all():
+        raise InvalidInput(f"consistency: nees holds squares, which are not negative; got {shown(squares)}")
     if not isinstance(dim, (int, np.integer)) or dim < 1:
         raise InvalidInput(f"consistency: dim is the number of components of an error, 1 or more; got {dim!r}")
     if not 0.0 < probability < 1.0:
         raise InvalidInput(f"consistency: probability is between 0 and 1; got {probability!r}")
-    runs = squares.shape[1]
-    tail = 0.5 * (1.0 - probability)
+    runs, tail = squares.shape[1], 0.5 * (1.0 - probability)
     low, high = (2.0 * gammaincinv(0.5 * runs * dim, p) / runs for p in (tail, 1.0 - tail))
     return Consistency(squares.mean(axis=1), (float(low), float(high)), probability)

@@ -38,7 +38,7 @@ class ErrorStateFilter(Filter):
 
     def correction(self, sensor: Any, limit: float) -> Correction:
         """The Kalman correction by a linearised sensor."""
-        return ErrorStateCorrection(self.group, sensor, self.side, self.reset, limit)
+        return ErrorStateCorrection(sensor, self.side, self.reset, limit)
 
 
 @record

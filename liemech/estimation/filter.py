@@ -22,11 +22,15 @@ EVERYTHING = 1e300
 
 @record
 class OfBeliefs(Record):
-    """Formulas of an element and the covariance of its error; abstract."""
+    """Formulas of an element and the covariance of its error, on the group of a process or a sensor; abstract."""
+
+    @property
+    def group(self) -> Any:
+        """The group of the process, or of the sensor."""
+        return self._space.group
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        dim = self.group.dim  # type: ignore[attr-defined]
-        return (dim, dim) if argument == "covariance" else super()._shape(argument, kind)
+        return (self.group.dim, self.group.dim) if argument == "covariance" else super()._shape(argument, kind)
 
 
 @record
@@ -38,7 +42,6 @@ class Correction(OfBeliefs):
     Source: Sarkka, Bayesian Filtering and Smoothing, 2nd ed., section 5.2.
     """
 
-    group: Any
     sensor: Any
     side: str
     reset: bool
@@ -79,11 +82,6 @@ class Filter(OfBeliefs):
     def _corrections(self) -> dict[Any, Correction]:
         """The corrections by sensors that it has seen."""
         return {}
-
-    @property
-    def group(self) -> Any:
-        """The group of the process."""
-        return self.process.group
 
     # ---------------------------------------------------------------- a subclass writes
 

@@ -38,7 +38,7 @@ def minimise(
     Source: Nocedal and Wright, Numerical Optimization, 2nd ed., section 10.3; Absil, Mahony, Sepulchre,
     Optimization Algorithms on Matrix Manifolds (2008), section 8.4.
     """
-    if not isinstance(iterations, (int, np.integer)) or iterations < 1:
+    if iterations < 1:
         raise InvalidInput(f"{where}: iterations is a whole number from 1 on; got {iterations!r}")
     x, damping, promised = start, 0.0, np.inf
     _, cost, problem = linear(x, None)

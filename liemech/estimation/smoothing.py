@@ -16,13 +16,14 @@ from ..groups.lie_group import LieGroup
 from .belief import Belief, checked
 from .block_tridiagonal import BlockTridiagonal, require_digits
 from .errors_of_elements import by_error, error, moved
+from .filter import OfBeliefs
 from .least_squares import minimise
 from .processes import Process
 from .sensors import Sensor, require_elements
 
 
 @record
-class ProcessLink(Record):
+class ProcessLink(OfBeliefs):
     """The process between two neighbours.
 
     Source: Dellaert and Kaess, Factor Graphs for Robot Perception (2017), section 6.
@@ -43,16 +44,11 @@ class ProcessLink(Record):
         L = process.by_noise(side, g, u, h)
         return residual(g, next), transpose(mat(*A)), transpose(mat(*B)), L @ L.T
 
-    @property
-    def group(self) -> Any:
-        """The group on which the process moves."""
-        return self.process.group
-
     _space = property(attrgetter("process"))
 
 
 @record
-class Sight(Record):
+class Sight(OfBeliefs):
     """A measurement of one element.
 
     Source: Dellaert and Kaess, Factor Graphs for Robot Perception (2017), section 6.
@@ -73,11 +69,6 @@ class Sight(Record):
             return self.factor(g, z)
         r, H, R = self.factor(g[0], z[0])
         return r[None], H[None], R[None]
-
-    @property
-    def group(self) -> Any:
-        """The group whose elements the sensor sees."""
-        return self.sensor.group
 
     _space = property(attrgetter("sensor"))
 

@@ -67,7 +67,7 @@ class UnscentedFilter(Filter):
 
     def correction(self, sensor: Any, limit: float) -> Correction:
         """By elements on both sides of the estimate."""
-        return UnscentedCorrection(self.group, sensor, self.side, self.reset, limit, self.spread)
+        return UnscentedCorrection(sensor, self.side, self.reset, limit, self.spread)
 
 
 @record

@@ -575,7 +575,7 @@ def test_truths_drawn_from_a_wide_belief_are_found(group, angles, shifts, width,
 
 
 @pytest.mark.parametrize(("nees", "dim", "said"), [
-    ([[1.0, np.nan]], 3, r"nees\[0, 1\] is nan"), ([[1.0, -2.0]], 3, "nees holds squares"), ([[1.0, 2.0]], 0, "dim is"),
+    ([[1.0, np.nan]], 3, "nees holds squares"), ([[1.0, -2.0]], 3, "nees holds squares"), ([[1.0, 2.0]], 0, "dim is"),
     ([[1.0, 2.0]], -3, "dim is"), ([[1.0, 2.0]], "3", "dim is"), ([[1.0, 2.0]], np.nan, "dim is"),
 ])  # fmt: skip
 def test_what_has_no_chi_square_is_refused(nees, dim, said):

@@ -75,10 +75,8 @@ class BackwardRun:
     def __init__(self, sites: Any, start: Any, steps: int, t0: float, names: tuple[str, ...] = ()) -> None:
         plan, one = sites.plan, sites.plan._one
         group = getattr(one, "configurations", one.group)
-        if isinstance(start, SiteValues) or isinstance(group, SpeciesGroup):
+        if isinstance(start, SiteValues) or isinstance(group, SpeciesGroup) or one.noisy:
             raise IncompatibleSystem(NO_WAY.format(f"of {type(one).__name__} on {group!r}"))
-        if one.noisy:
-            raise IncompatibleSystem(NO_WAY.format("with noise"))
         self.plan, self.start, self.t0 = plan, start, t0
         self.h, self.sites = plan._steps.h, start.sites
         way = plan._steps.way_of(0)
