@@ -18,8 +18,6 @@ from ..groups.rigid.se3 import SE3
 from ..groups.rigid.so3 import SO3
 from ..groups.rigid.unit_quaternions import UnitQuaternions
 from ..groups.vector_space import VectorSpace
-from ..rooms.constraints.constrained_body import BoundBody
-from ..systems.mechanical import MechanicalSystem
 from .bodies.heavy_top import ReducedHeavyTop
 from .planets.n_body import NBody
 from .swinging.constrained_pendulums import ChainPendulum, FourBarLinkage, SphericalPendulum
@@ -30,9 +28,7 @@ def configurations(system: Any) -> LieGroup | None:
     """The group whose elements tell where the body is, of a group itself; None for systems that move on no group."""
     if isinstance(system, LieGroup):
         return system
-    if isinstance(system, (MechanicalSystem, BoundBody)):
-        return system.configurations
-    return getattr(system, "group", None)
+    return system.configurations if hasattr(system, "configurations") else getattr(system, "group", None)
 
 
 def turns(group: LieGroup | None) -> bool:

@@ -20,9 +20,11 @@ from scenes import (
     orbiting_body,
     seed_body,
 )
+from scipy.spatial.transform import Rotation
 
 import liemech as lm
 from liemech import plots
+from liemech.models import poses
 from liemech.plots.invariants import EPSILON, changes, noise
 from liemech.plots.spheres.projection import VIEW, view_frame
 from liemech.plots.vertical import verticals
@@ -463,3 +465,25 @@ def test_recorded_energies_are_enough_for_pictures_of_what_is_kept() -> None:
     assert len(lm.plots.drift({"RKMK4": run}).lines) == 2
     assert len(lm.plots.invariants(run).lines) == 1
     assert lm.plots.invariants(run).get_xlabel() == "time $t$ (s)"
+
+
+@lm.record
+class Mixed(lm.CotangentSystem):
+    """An energy in which momentum and place meet."""
+
+    configurations: lm.LieGroup
+
+    def energy(self, mu: lm.Vec, g: lm.Element) -> float:
+        return 0.5 * lm.dot(mu, mu) + 0.3 * mu[0] * g[2, 0] + g[2, 2]
+
+
+@pytest.mark.parametrize("group", [lm.SO3(), lm.SE3()], ids=repr)
+def test_a_body_whose_energy_mixes_momentum_and_place_is_drawn_as_a_body(group: lm.LieGroup) -> None:
+    """Elements of G x g*, on which its momenta add up, were taken for its poses."""
+    system = Mixed(group)
+    start = system.state(mu=[0.5, -0.3, 0.7, 0.1, 0.2, 0.3][: group.dim], g=group.identity())
+    run = lm.integrate(system, lm.RKMK(order=4), start, h=0.1, steps=5, compiled=False)
+    assert poses.configurations(system) is group and poses.flies(system) == isinstance(group, lm.SE3)
+    turned = Rotation.from_quat(poses.attitude(system, run.g)).as_matrix()
+    assert np.allclose(turned, run.g[:, :3, :3], rtol=0, atol=1e-14)
+    assert run.plot() is not None and lm.viewer.Scene(run) is not None
