@@ -143,3 +143,18 @@ def test_names_that_are_nearly_right() -> None:
             getattr(lm, wrong)
     with pytest.raises(AttributeError, match=r"no attribute 'zzzzzz'$"):
         _ = lm.zzzzzz
+
+
+def test_numbers_of_the_sites_as_an_array_are_told_what_they_are() -> None:
+    """An array is a vector that all sites have, of which no energy of a pair can be made by a product."""
+
+    @lm.record
+    class Weighted(lm.Term):
+        def energy(self, a: Any, b: Any) -> float:
+            return -a.weight * b.weight * lm.dot(a.mu, b.mu)
+
+    ring, weights = lm.neighbours.ring(4), np.array([1.0, 2.0, 3.0, 4.0])
+    with pytest.raises(lm.errors.WrongResult, match=r"a number for each site or edge is lm\.each\(values\)"):
+        lm.LiePoissonSystem(lm.SO3() ** 4, lm.Terms(Weighted().over(ring), weight=weights))
+    system = lm.LiePoissonSystem(lm.SO3() ** 4, lm.Terms(Weighted().over(ring), weight=lm.each(weights)))
+    assert system.energy(np.ones(12)) == -3.0 * (2.0 + 6.0 + 12.0 + 4.0)

@@ -125,7 +125,7 @@ def _gives_nothing(function: Any) -> bool:
     return bool(returns) and all(returns)
 
 
-_NUMBER = "a number", "of a vector take a component, or lm.dot(x, x)"
+_NUMBER = "a number", "of a vector take a component, or lm.dot(x, x); a number for each site or edge is lm.each(values)"
 _VECTOR = "a vector", "write lm.vec(...) with its components"
 _MATRIX = "a matrix", "write lm.mat(...) with its rows"
 _PROMISES = {
