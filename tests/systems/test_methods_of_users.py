@@ -154,7 +154,7 @@ def test_numbers_of_the_sites_as_an_array_are_told_what_they_are() -> None:
             return -a.weight * b.weight * lm.dot(a.mu, b.mu)
 
     ring, weights = lm.neighbours.ring(4), np.array([1.0, 2.0, 3.0, 4.0])
-    with pytest.raises(lm.errors.WrongResult, match=r"a number for each site or edge is lm\.each\(values\)"):
+    with pytest.raises(InvalidType, match=r"a number for each site or edge is lm\.each\(values\)"):
         lm.LiePoissonSystem(lm.SO3() ** 4, lm.Terms(Weighted().over(ring), weight=weights))
     system = lm.LiePoissonSystem(lm.SO3() ** 4, lm.Terms(Weighted().over(ring), weight=lm.each(weights)))
     assert system.energy(np.ones(12)) == -3.0 * (2.0 + 6.0 + 12.0 + 4.0)
