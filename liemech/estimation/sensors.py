@@ -134,6 +134,7 @@ class Direction(Sensor):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        _require_rotations(self, 3)
         check_noise(self, -INFINITY, known=3)
         check_noise(self, TINY, deviation=3)
 
@@ -159,7 +160,7 @@ class Position(Sensor):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _of_motions(self)
+        _require_rotations(self, 4)
         check_noise(self, TINY, deviation=3)
         check_noise(self, -INFINITY, lever=3)
 
@@ -185,7 +186,7 @@ class Landmark(Sensor):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _of_motions(self)
+        _require_rotations(self, 4)
         check_noise(self, TINY, deviation=3)
         check_noise(self, -INFINITY, point=3)
 
@@ -196,13 +197,17 @@ class Landmark(Sensor):
         return vec(*[g[0, i] * d[0] + g[1, i] * d[1] + g[2, i] * d[2] for i in range(3)])
 
 
-def _of_motions(sensor: Any) -> None:
-    shape = sensor.group.element_shape
-    if len(shape) != 2 or shape[0] < 4:
-        raise InvalidInput(
-            f"{type(sensor).__name__}: group must have positions, as SE(3), SE_2(3) and SGal(3); "
-            f"got {sensor.group!r}.  For one factor of a product write OfPart(product, 0, sensor)"
-        )
+def _require_rotations(sensor: Any, columns: int) -> None:
+    """Refuse groups whose elements have no rotation in their first three columns, or no position in a last one."""
+    group, shape = sensor.group, sensor.group.element_shape
+    if len(shape) == 2 and shape[0] >= columns:
+        g = np.asarray(group.exp(np.linspace(0.3, 0.7, group.dim)))
+        if np.allclose(g[:3, :3].T @ g[:3, :3], np.eye(3)) and not g[3:, :3].any():
+            return
+    raise InvalidInput(
+        f"{type(sensor).__name__}: group is {'SO(3), ' * (columns == 3)}SE(3), SE_2(3) or SGal(3); got {group!r}.  "
+        "For one factor of a product write OfPart(product, 0, sensor)"
+    )
 
 
 @record

@@ -664,6 +664,26 @@ def test_refusals(wrong, said):
         wrong()
 
 
+PLAIN = [lm.SE2(), lm.SL(3), lm.SO(4), lm.SU(2), lm.SU(4), lm.Sp(4), lm.Heisenberg(2), lm.UnitQuaternions(),
+         lm.VectorSpace(3), lm.ProductGroup(SO3, lm.VectorSpace(2)), SO3 ** 2]  # fmt: skip
+
+
+@pytest.mark.parametrize("group", PLAIN, ids=repr)
+def test_sensors_are_of_elements_that_turn_and_move(group):
+    """Other matrices were read as rotations and positions: the column of SE(2) that is its position as a direction."""
+    for sensor in (
+        lambda: es.Direction(group, [0.0, 0.6, 0.8], [0.1] * 3),
+        lambda: es.Position(group, [0.1] * 3),
+        lambda: es.Landmark(group, [1.0, 2.0, 3.0], [0.1] * 3),
+    ):
+        with pytest.raises(InvalidInput, match=r"SE\(3\), SE_2\(3\) or SGal\(3\); got"):
+            sensor()
+    d = np.array([0.0, 0.6, 0.8])
+    for turning in (SO3, lm.SO(3), lm.SE3(), lm.SE23(), lm.SGal3()):
+        g = turning.exp(np.linspace(0.1, 0.5, turning.dim))
+        assert np.allclose(es.Direction(turning, d, [0.1] * 3).value(g), g[:3, :3].T @ d, rtol=0, atol=1e-15)
+
+
 def test_log_has_a_derivative_at_the_identity():
     from liemech.formulas import derivative
     from liemech.formulas.derivatives import axes
