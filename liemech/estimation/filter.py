@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cached_property
-from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -55,7 +54,7 @@ class Correction(OfBeliefs):
         """The innovation r and its covariance S."""
         raise undefined(self, "innovation")
 
-    _space = property(attrgetter("sensor"))
+    _space = property(lambda self: self.sensor)
 
 
 @record
@@ -158,7 +157,7 @@ class Filter(OfBeliefs):
             corrections[id(sensor), gate] = correction
         return correction
 
-    _space = property(attrgetter("process"))
+    _space = property(lambda self: self.process)
 
 
 MANY = 64

@@ -44,7 +44,7 @@ class ProcessLink(OfBeliefs):
         L = process.by_noise(side, g, u, h)
         return residual(g, next), transpose(mat(*A)), transpose(mat(*B)), L @ L.T
 
-    _space = property(attrgetter("process"))
+    _space = property(lambda self: self.process)
 
 
 @record
@@ -70,7 +70,7 @@ class Sight(OfBeliefs):
         r, H, R = self.factor(g[0], z[0])
         return r[None], H[None], R[None]
 
-    _space = property(attrgetter("sensor"))
+    _space = property(lambda self: self.sensor)
 
 
 @record
