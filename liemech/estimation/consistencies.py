@@ -40,7 +40,7 @@ class Consistency:
         )
 
 
-def consistency(nees: Any, dim: int, probability: float = 0.95) -> Consistency:
+def consistency(nees: Any, dim: Any, probability: float = 0.95) -> Consistency:
     """Squared errors e . P^-1 e of many runs against chi-square: their average over m runs, times m, has
     the distribution of chi-square with m dim degrees of freedom.
 

@@ -135,5 +135,5 @@ class Discrete(Process):
 
     def move(self, g: Element, u: Vec, w: Vec, h: float) -> Element:
         """One step of the method, input and noise held."""
-        method, held = self.method, _Driven(self.group, self, u, w)
+        method, held = self.method, _Driven(self.group, self, u, w)  # type: Any, Any
         return method.observe(method.step(held, 0.0, method.start(held, GroupState(g), h), h)).g
