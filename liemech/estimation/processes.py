@@ -126,8 +126,8 @@ class Discrete(Process):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        none = vec(*[0.0] * self.inputs), vec(*[0.0] * len(self.deviations(1.0)))
-        self.method.require(_Driven(self.group, self, *none))
+        zeros = [vec(*[0.0] * n) for n in (self.inputs, len(self.deviations(1.0)))]
+        self.method.require(_Driven(self.group, self, *zeros))
 
     def velocity(self, g: Element, u: Vec, w: Vec) -> Vec:
         """The body velocity, (dim,).  u : the input, w : the noise."""

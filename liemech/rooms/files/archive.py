@@ -123,10 +123,10 @@ def told_apart(written: Any, now: dict[str, str]) -> str:
         return ""
     differences = []
     for name in ("liemech", "python", "platform"):
-        there, here_now = str(written.get(name, "?")), now[name]
+        version, version_here = str(written.get(name, "?")), now[name]
         digits = -1 if name == "python" else None  # without the last number of its version
-        if there.split(".")[:digits] != here_now.split(".")[:digits]:
-            differences.append(f"{'Python' if name == 'python' else name} {there} (here {here_now})")
+        if version.split(".")[:digits] != version_here.split(".")[:digits]:
+            differences.append(f"{'Python' if name == 'python' else name} {version} (here {version_here})")
     return ", ".join(differences)
 
 
