@@ -34,7 +34,7 @@ class PoissonStructure(Record):
     1. A subclass says its dimension `dim`, n, and writes `matrix(y)`, as a formula: skew-symmetric, with the
     Jacobi identity sum_l (d_l b_ij b_lk + d_l b_jk b_li + d_l b_ki b_lj) = 0.  `check_poisson` looks whether it
     is.
-    2. It may write `casimirs`, say the `rank` that B has almost everywhere, and write in closed form `sharp`,
+    2. It may write `casimirs`, say the `rank` that B has almost everywhere and the `unit_blocks`, and write in closed form `sharp`,
     the product B(y) a, and the motions whose energy is a coordinate, `coordinate_flow`, or p . y, `linear_motion`.
     3. Brackets, derivatives along motions and vector fields follow: formulas that compile, and may
     be bracketed again.
@@ -56,6 +56,11 @@ class PoissonStructure(Record):
         raise undefined(self, "matrix")
 
     # ---------------------------------------------------------------- 2. closed forms are welcome
+
+    @property
+    def unit_blocks(self) -> tuple[int, ...]:
+        """The numbers of coordinates, one after the other, that share a unit; by default each has its own."""
+        return (1,) * self.dim
 
     @derived_from("matrix")
     def casimirs(self, y: Vec) -> Vec:
@@ -364,6 +369,11 @@ class LiePoissonStructure(PoissonStructure):
     def dim(self) -> int:
         """The dimension of the group."""
         return self.group.dim
+
+    @property
+    def unit_blocks(self) -> tuple[int, ...]:
+        """Those of the group."""
+        return self.group.unit_blocks
 
     @property
     def opposite(self) -> LiePoissonStructure:

@@ -150,12 +150,12 @@ class MagneticStructure(PoissonStructure):
 
     field : B.  The identity of Jacobi is div B = 0.
 
-    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 6.7; He et
-    al. (2017).
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 6.7; He et al. (2017).
     """
 
     dim: ClassVar[int] = 6
     rank: ClassVar[int] = 6
+    unit_blocks: ClassVar[tuple[int, ...]] = (3, 3)
     field: MagneticField
 
     def matrix(self, y: Vec) -> Mat:

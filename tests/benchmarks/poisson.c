@@ -41,9 +41,9 @@ void splitting(PARAMETERS) {
     })
 }
 
-/* The covector dS of the Hamilton-Jacobi method at x = (log u, log v), of order ORDER. */
-static inline void covector(const double x[2], double r, double p, double h, double out[2]) {
-    double eu = exp(x[0]), ev = exp(x[1]), a = h * (eu - r), b = h * (ev - p);
+/* The covector dS of the Hamilton-Jacobi method, of order ORDER, at x, the logarithms of the numbers over u and v. */
+static inline void covector(double u, double v, const double x[2], double r, double p, double h, double out[2]) {
+    double eu = u * exp(x[0]), ev = v * exp(x[1]), a = h * (eu - r), b = h * (ev - p);
     out[0] = a, out[1] = b;
 #if ORDER == 4
     double bent[2] = {h * (eu * b), h * (ev * -a)};
@@ -55,13 +55,12 @@ static inline void covector(const double x[2], double r, double p, double h, dou
 void hamilton_jacobi(PARAMETERS) {
     double past[3][2] = {{0.0}};
     LOOP(
-        double at[2] = {log(u), log(v)}; double mean[2]; double dS[2]; double before = 0.0;
+        double mean[2]; double dS[2]; double before = 0.0;
         for (int i = 0; i < 2; i++) mean[i] = 3.0 * past[0][i] + (past[2][i] - 3.0 * past[1][i]);
         for (int tried = 0; tried < 50; tried++) {
-            double x[2] = {at[0] + mean[0], at[1] + mean[1]};
-            covector(x, r, p, h, dS);
+            covector(u, v, mean, r, p, h, dS);
             double off[2] = {mean[0] - 0.5 * dS[1], mean[1] + 0.5 * dS[0]};
-            double by_v = -0.5 * h * exp(x[1]); double by_u = 0.5 * h * exp(x[0]);
+            double by_v = -0.5 * h * (v * exp(mean[1])); double by_u = 0.5 * h * (u * exp(mean[0]));
             double scale = 1.0 / (1.0 - by_v * by_u);
             double step[2] = {scale * (off[0] - by_v * off[1]), scale * (off[1] - by_u * off[0])};
             double change = fabs(step[0]) / (1.0 + fabs(dS[1])) + fabs(step[1]) / (1.0 + fabs(dS[0]));
@@ -71,8 +70,7 @@ void hamilton_jacobi(PARAMETERS) {
             before = change;
             if (done) break;
         }
-        double x[2] = {at[0] + mean[0], at[1] + mean[1]};
-        covector(x, r, p, h, dS);
+        covector(u, v, mean, r, p, h, dS);
         for (int i = 0; i < 2; i++) past[2][i] = past[1][i], past[1][i] = past[0][i];
         past[0][0] = 0.5 * dS[1]; past[0][1] = -0.5 * dS[0];
         u += u * expm1(dS[1]); v += v * expm1(-dS[0]);)

@@ -9,26 +9,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...errors import IncompatibleSystem
-from ...formulas import (
-    Vec,
-    constant,
-    derivative,
-    dot,
-    exp,
-    expm1,
-    gradient,
-    identity_matrix,
-    jacobian,
-    log,
-    plain,
-    record,
-    vec,
-    where,
-)
+from ...formulas import Vec, derivative, dot, exp, expm1, gradient, identity_matrix, jacobian, plain, record, vec
 from ...formulas.classes.remembered import Remembered
 from ...formulas.numbers.series import Series
-from ...formulas.numbers.sizes import magnitudes, one_norms
-from ...formulas.of_numpy import sign
+from ...formulas.numbers.sizes import one_norms
 from ...groups.linear_motion import motion_terms
 from ...groups.poisson_structure import LogCanonical, PoissonStructure, jacobi_sums, slopes_of
 from ...integrators.implicit import Implicit
@@ -118,22 +102,22 @@ class PoissonHamiltonJacobi(Implicit):
         structure, dH, middle = system.structure, gradient_of(system), t + 0.5 * h
         y, mean = plain(memory.state.y), extrapolated(*memory.past)
         if isinstance(structure, LogCanonical):
-            u = vec(*[log(where(constant(c) == 0.0, 1.0, abs(c))) for c in y])
-            dH_u = of_logarithms(system, vec(*[sign(constant(c)) for c in y]))
-            change, mean = self.change(structure.of_logarithms, dH_u, middle, u, vec(1.0), mean, h)
+            dH_u, rest = by_logarithms(system, y), vec(*[0.0 for _ in y])
+            change, mean = self.change(structure.of_logarithms, dH_u, middle, rest, mean, h, (len(y),), vec(1.0))
             change = y * vec(*[expm1(c) for c in change])
         else:
-            change, mean = self.change(structure, dH, middle, y, magnitudes(y), mean, h)
+            blocks = structure.unit_blocks
+            change, mean = self.change(structure, dH, middle, y, mean, h, blocks, one_norms(y, blocks))
         return self.after(memory, PoissonState(memory.state.y + change), mean)
 
-    def change(self, structure: Any, dH: Any, t: float, y: Vec, sizes: Vec, guess: Vec, h: float) -> tuple[Vec, Vec]:
+    def change(
+        self, structure: Any, dH: Any, t: float, y: Vec, guess: Vec, h: float, blocks: tuple[int, ...], sizes: Vec
+    ) -> tuple[Vec, Vec]:
         """The change of y and its mean, x - y, in a step about the time t.
 
-        sizes : of the blocks of y that share a unit, beside which corrections vanish.  Newton's method with the matrix
-        1 - h B(x) D^2H(x)/2, wrong by O(h^2).
+        blocks : of the components that share a unit; sizes, beside which corrections vanish.  Newton's method with the
+        matrix 1 - h B(x) D^2H(x)/2, wrong by O(h^2).
         """
-
-        blocks = tuple([len(y) // len(sizes) for _ in sizes])
 
         def sweep(mean: Vec) -> tuple[Vec, Vec, Vec]:
             x = y + mean
@@ -164,11 +148,11 @@ def gradient_of(system: Any) -> Any:
     return lambda t, y: system.gradient(y)
 
 
-def of_logarithms(system: Any, signs: Vec) -> Any:
-    """The gradient by the coordinates u = log |y|, of components y_i dH/dy_i.  signs : of y, 1, -1 or 0."""
+def by_logarithms(system: Any, start: Vec) -> Any:
+    """The gradient by the coordinates u_i = log(y_i/start_i), of components y_i dH/dy_i."""
 
     def gradient_at(t: Any, u: Vec) -> Vec:
-        y = signs * vec(*[exp(c) for c in u])
+        y = start * vec(*[exp(c) for c in u])
         return y * system.gradient(t, y) if isinstance(system, DrivenPoissonSystem) else system.logarithmic_gradient(y)
 
     return gradient_at
