@@ -372,7 +372,7 @@ class LiePoissonStructure(PoissonStructure):
 
     @property
     def unit_blocks(self) -> tuple[int, ...]:
-        """Those of the group."""
+        """The blocks of equal units of the group, which momenta have too."""
         return self.group.unit_blocks
 
     @property

@@ -100,6 +100,27 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) 
             print("  " + "  ".join("-" * w for w in width))
 
 
+def to_an_error(points: Sequence[tuple[int, float, float]], error: float) -> list[object]:
+    """Steps and microseconds of the first of some runs, (steps, us, error), that is within an error."""
+    return next(([steps, us] for steps, us, e in points if e <= error), [None, None])
+
+
+def work_precision(panels: Mapping[str, Mapping[str, Sequence[tuple[int, float, float]]]], path: Path) -> None:
+    """Draw error over processor time of runs, (steps, us, error), for each system and method."""
+    import liemech as lm
+
+    picture, axes = lm.plots.subplots(1, len(panels), figsize=(4.4 * len(panels), 4.4), squeeze=False)
+    for ax, (name, methods) in zip(axes[0], panels.items(), strict=True):
+        for method, points in methods.items():
+            _, us, error = zip(*points)
+            ax.loglog(us, error, "o-", ms=3, lw=1.2, label=method)
+        ax.set(title=name, xlabel="processor time of a run (us)")
+        ax.legend(fontsize=7)
+    axes[0][0].set_ylabel("error at the end")
+    lm.plots.save(picture, path)
+    print(f"written: {path}")
+
+
 def machine() -> dict[str, object]:
     """What the numbers were measured on."""
     names = [line.split(":")[1].strip() for line in _lines("/proc/cpuinfo") if line.startswith("model name")]

@@ -102,8 +102,8 @@ class PoissonHamiltonJacobi(Implicit):
         structure, dH, middle = system.structure, gradient_of(system), t + 0.5 * h
         y, mean = plain(memory.state.y), extrapolated(*memory.past)
         if isinstance(structure, LogCanonical):
-            dH_u, rest = by_logarithms(system, y), vec(*[0.0 for _ in y])
-            change, mean = self.change(structure.of_logarithms, dH_u, middle, rest, mean, h, (len(y),), vec(1.0))
+            dH_u, origin = by_logarithms(system, y), vec(*[0.0 for _ in y])
+            change, mean = self.change(structure.of_logarithms, dH_u, middle, origin, mean, h, (len(y),), vec(1.0))
             change = y * vec(*[expm1(c) for c in change])
         else:
             blocks = structure.unit_blocks
