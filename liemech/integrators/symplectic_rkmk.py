@@ -150,15 +150,16 @@ def _in_the_middle(system: Any, t: float, start: BodyState, h: float, xi: Vec) -
 
 
 def _corrected(system: Any, t: float, start: BodyState, h: float, slope: Mat, xi: Vec) -> tuple[tuple[Vec], Vec, Vec]:
-    """The velocity anew whose momentum dl/dxi is p; how far it was off, and its size.  slope : of their difference."""
+    """The velocity anew whose momentum dl/dxi is p; how far it was off, and its size.  slope : of `_slope`."""
     group, (momentum, f) = system.configurations, _in_the_middle(system, t, start, h, xi)
     momentum = momentum - (0.5 * h) * TAU.dtau_dual(group, (-0.5 * h) * xi, f)
-    step = correction(slope, TAU.residual(group, h * xi, momentum, start.mu)[0])
+    r, by_p, by_x = TAU.residual(group, h * xi, momentum, start.mu)
+    step = correction(h * by_x + momentum_slope(by_p, slope), r)
     return (xi - step,), one_norms(step, group.unit_blocks), one_norms(xi, group.unit_blocks)
 
 
 def _slope(system: Any, t: float, start: BodyState, h: float, xi: Vec) -> Mat:
-    """The derivative by xi of dl/dxi less p; its parts of f are those to first order in h."""
+    """The derivative by xi of dl/dxi less the part of p that is of f, to first order in h."""
     group = system.configurations
     g = group.compose_exp(start.g, (0.5 * h) * xi)
 
@@ -166,8 +167,7 @@ def _slope(system: Any, t: float, start: BodyState, h: float, xi: Vec) -> Mat:
         p, f = system.momentum_and_force(t + 0.5 * h, xi + change, group.compose_exp(g, (0.5 * h) * change))
         return p - (0.5 * h) * f
 
-    _, by_p, by_x = TAU.residual(group, h * xi, start.mu, start.mu)
-    return h * by_x + momentum_slope(by_p, jacobian(momentum, vec(*[0.0 for _ in xi])))
+    return jacobian(momentum, vec(*[0.0 for _ in xi]))
 
 
 def _linearised(system: Any, t: float, start: BodyState, h: float, xi: Vec, change: Vec) -> tuple[Mat, Mat, Mat]:
