@@ -157,10 +157,17 @@ def tops_in_a_ring(held: list[int]) -> Any:
     return lm.MechanicalSystem(body, lm.Terms(Aligned(0.4).over(lm.neighbours.ring(3)), held=held))
 
 
+@lm.record
+class Burning(lm.DrivenKineticEnergy):
+    def inertia(self, t: float) -> lm.Vec:
+        return lm.vec(1.0 + 0.2 * t, 1.6 + 0.1 * t * t, 2.3 - 0.1 * t)
+
+
 HEAVY = lm.models.FixedPointGravity(0.8, WEIGHT / 0.8)
 IN_SPACE = lm.LiePoissonSystem(lm.SE3(), lm.KineticEnergy(np.diag([1.0, 1.6, 2.3, 2.0, 2.5, 3.0]) + 0.1))
 IN_FIELDS: dict[str, tuple[Any, Any, Any]] = {
     "under a load": (lm.MechanicalSystem(lm.RigidBody(J), HEAVY, load=Rubbing()), MU0, G0),
+    "of changing inertia": (lm.MechanicalSystem(lm.DrivenLiePoissonSystem(lm.SO3(), Burning()), HEAVY), MU0, G0),
     "in space": (
         lm.MechanicalSystem(IN_SPACE, lm.models.UniformGravity(0.7, [0.1, 0.0, 0.2])),
         [*MU0, 0.2, 0.1, -0.3],
