@@ -165,7 +165,7 @@ def _slope(system: Any, t: float, start: BodyState, h: float, xi: Vec) -> Mat:
 
     def momentum(change: Vec) -> Vec:
         p, f = system.momentum_and_force(t + 0.5 * h, xi + change, group.compose_exp(g, (0.5 * h) * change))
-        return p - (0.5 * h) * f
+        return p - (0.5 * h) * (f + (0.25 * h) * group.ad_star(change, f))
 
     return jacobian(momentum, vec(*[0.0 for _ in xi]))
 
