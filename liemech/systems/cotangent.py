@@ -252,8 +252,8 @@ class TangentSystem(CotangentSystem):
     2. It may write `momentum`, dl/dxi, and `hessian`, d2l/dxi2.
     3. It may name what its symmetries keep (`symmetry`).
 
-    The velocity of a momentum is found by Newton's method, which takes one step where l is of second degree in xi.
-    Where the energy is known as a function of the momentum, a CotangentSystem is faster.
+    SymplecticRKMK(order=2) solves for the velocity.  Other methods find that of a momentum by Newton's method, which takes
+    one step where l is of second degree in xi; where the energy is known, a CotangentSystem is faster with them.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 7.2 and 13.5.
     """
