@@ -10,7 +10,7 @@ from ..formulas import Mat, Vec, derivative, identity_matrix, jacobian, mat, nor
 from ..formulas.numbers.sizes import one_norms
 from ..groups.lie_group import LieGroup
 from ..groups.retractions import Exponential
-from ..solvers import correction, fixed_point
+from ..solvers import correction, fixed_point, unit_of
 from ..systems.cotangent import CotangentMotion
 from ..systems.lie_poisson import BodyState
 from ..tableaus.collocation import gauss
@@ -153,8 +153,9 @@ def _corrected(system: Any, t: float, start: BodyState, h: float, slope: Mat, xi
     """The velocity anew whose momentum dl/dxi is p; how far it was off, and its size.  slope : of `_slope`."""
     group, (momentum, f) = system.configurations, _in_the_middle(system, t, start, h, xi)
     momentum = momentum - (0.5 * h) * TAU.dtau_dual(group, (-0.5 * h) * xi, f)
-    r, by_p, by_x = TAU.residual(group, h * xi, momentum, start.mu)
-    step = correction(h * by_x + momentum_slope(by_p, slope), r)
+    unit = unit_of(slope[0])  # three entries are multiplied
+    r, by_p, by_x = TAU.residual(group, h * xi, unit * momentum, unit * start.mu)
+    step = correction(h * by_x + momentum_slope(by_p, unit * slope), r)
     return (xi - step,), one_norms(step, group.unit_blocks), one_norms(xi, group.unit_blocks)
 
 

@@ -188,6 +188,18 @@ def test_order_2_by_a_lagrangian_is_galerkins_method_of_order_2(name: str) -> No
     np.testing.assert_allclose(found[1], wanted[1], rtol=0.0, atol=2e-15)
 
 
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("unit", [2.0**-500, 2.0**400])
+def test_units_of_mass_change_no_bit(order: int, unit: float) -> None:
+    """Of order 2 by a Lagrangian three entries of the inertia are multiplied."""
+    found, wanted = (
+        ended(top, lm.SymplecticRKMK(order), top.state(s * MU0, G0), 0.2, 2)
+        for s in (unit, 1.0)
+        for top in [lm.MechanicalSystem(lm.RigidBody(s * J), lm.models.FixedPointGravity(0.8 * s, WEIGHT / 0.8))]
+    )
+    assert np.array_equal(found[0], unit * wanted[0]) and np.array_equal(found[1], wanted[1])
+
+
 @lm.record
 class Written(lm.CotangentSystem):
     """A heavy top, by its whole energy."""
