@@ -97,28 +97,28 @@ class OnAll(Record):
     derived: bool  # does the force of the potential follow from its energy?
 
 
-def of_bodies(name: str, given: Any, number: Callable[[Any], int]) -> Any:
+def of_bodies(name: str, acting: Any, number: Callable[[Any], int]) -> Any:
     """potential or load of a linkage: one of all bodies as it is, or those of single bodies, by
     their names or numbers.  Raises InvalidType, InvalidInput.
     """
-    kind, many, words = {  # type: Any, Any, str
+    kind, of_several, words = {  # type: Any, Any, str
         "potential": (Potential, PotentialsOfBodies, "an `energy(g)`"),
         "load": (Force, ForcesOfBodies, "a `covector(t, xi, g)`"),
     }[name]
-    if isinstance(given, many):
-        for body in given.bodies:
+    if isinstance(acting, of_several):
+        for body in acting.bodies:
             number(body)
-        if len(given.bodies) != len(given.each):
-            raise InvalidInput(f"Linkage: {name} names {len(given.bodies)} bodies for {len(given.each)} of it")
-    if given is None or isinstance(given, kind):
-        return given
-    if not isinstance(given, Mapping):
+        if len(acting.bodies) != len(acting.each):
+            raise InvalidInput(f"Linkage: {name} names {len(acting.bodies)} bodies for {len(acting.each)} of it")
+    if acting is None or isinstance(acting, kind):
+        return acting
+    if not isinstance(acting, Mapping):
         raise InvalidType(
             f"Linkage: {name} must be a {kind.__name__}, a subclass with {words}, or such of single "
-            f'bodies, {{"hand": ...}}; got {given!r}'
+            f'bodies, {{"hand": ...}}; got {acting!r}'
         )
     by_body: dict[int, Any] = {}
-    for body, act in given.items():
+    for body, act in acting.items():
         if not isinstance(act, kind):
             raise InvalidType(
                 f"Linkage: {name}[{body!r}] must be a {kind.__name__}, a subclass with {words}; got {act!r}"
@@ -126,4 +126,4 @@ def of_bodies(name: str, given: Any, number: Callable[[Any], int]) -> Any:
         if number(body) in by_body:
             raise InvalidInput(f"Linkage: {name} names body {number(body)} twice")
         by_body[number(body)] = act
-    return many(tuple(by_body), tuple(by_body.values())) if by_body else None
+    return of_several(tuple(by_body), tuple(by_body.values())) if by_body else None

@@ -257,10 +257,10 @@ def moved(joint: Any, support: Any, path: Any, label: str) -> Any:
     )
 
 
-def require_motion(label: str, given: Any) -> None:
+def require_motion(label: str, motion: Any) -> None:
     """Raise InvalidType for a value that is no motion."""
-    if not isinstance(given, (MovingSupport, JointPath, PiecewisePolynomial)):
+    if not isinstance(motion, (MovingSupport, JointPath, PiecewisePolynomial)):
         raise InvalidType(
             f"Linkage: motions[{label!r}] is a MovingSupport such as Shaking([0.0, 0.0, 0.1], 50.0), a "
-            f"JointPath, or a PiecewisePolynomial of the time; got {given!r}"
+            f"JointPath, or a PiecewisePolynomial of the time; got {motion!r}"
         )

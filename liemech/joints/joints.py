@@ -731,22 +731,22 @@ class WithRotors(Constraint):
         return (*self.held.touches(group, conditions), *of_rotors)
 
 
-def _held_by(some: Any) -> tuple[int, ...]:
+def _held_by(rotors: Any) -> tuple[int, ...]:
     """The bodies of joints, each of them once."""
     bodies: list[int] = []
-    for joint, _ in some:
+    for joint, _ in rotors:
         for b in (joint.first, joint.second):
             bodies = bodies if b is None or b in bodies else [*bodies, b]
     return tuple(bodies)
 
 
-def _motions(some: Any, g: Vec) -> tuple[Any, ...]:
+def _motions(rotors: Any, g: Vec) -> tuple[Any, ...]:
     """The row of the motions of joints, times their ratios, body by body."""
-    parts = [REST6 for _ in _held_by(some)]
-    for joint, ratio in some:
+    parts = [REST6 for _ in _held_by(rotors)]
+    for joint, ratio in rotors:
         (row,) = joint.motions(*both(joint, g))
         for b, part in zip((joint.first, joint.second), row):
-            parts = [x + ratio * part if b == body else x for body, x in zip(_held_by(some), parts)]
+            parts = [x + ratio * part if b == body else x for body, x in zip(_held_by(rotors), parts)]
     return tuple(parts)
 
 

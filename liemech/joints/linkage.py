@@ -656,12 +656,12 @@ class Linkage(ConstrainedBody):
                 raise InvalidInput(f"Linkage.{name}[{b}] is no pose, [[R, p], [0, 1]]; got {pose.tolist()}")
         return array
 
-    def _by_number(self, what: str, given: Any) -> dict[int, np.ndarray]:
+    def _by_number(self, what: str, values: Any) -> dict[int, np.ndarray]:
         """Coordinates or rates by the numbers of joints."""
-        if given is not None and not isinstance(given, Mapping):
-            raise InvalidType(f'Linkage.state: {what} are given by joint, such as {{"elbow": 0.3}}; got {given!r}')
+        if values is not None and not isinstance(values, Mapping):
+            raise InvalidType(f'Linkage.state: {what} are given by joint, such as {{"elbow": 0.3}}; got {values!r}')
         by_number = {}
-        for joint, value in (given or {}).items():
+        for joint, value in (values or {}).items():
             number = self.number(joint)
             x = np.atleast_1d(real_array(value, f"Linkage.state: {what}[{joint!r}]"))
             check_finite(x, f"Linkage.state: {what}[{joint!r}]")
@@ -707,10 +707,10 @@ class Linkage(ConstrainedBody):
                 )
         return reduced
 
-    def _shaken(self, found: Linkage, g: Any, seed: int) -> np.ndarray:
+    def _shaken(self, reduced: Linkage, g: Any, seed: int) -> np.ndarray:
         """Poses close by, displaced along what the joints allow."""
         move = np.random.default_rng(seed).normal(size=self.configurations.dim)
-        xi = np.array(found.velocity(vec(*found._projected(move, g))))
+        xi = np.array(reduced.velocity(vec(*reduced._projected(move, g))))
         xi = xi * (0.03 / np.abs(xi / self.displacements).max()) if xi.any() else xi
         return np.array(self.configurations.compose_exp(g, vec(*xi.tolist()))).reshape(-1, 4, 4)
 

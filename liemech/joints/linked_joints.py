@@ -77,17 +77,17 @@ class LinkedJoint(Record):
         at, poses = AtJoint(self.joint, self.loads), both(g, k)
         return [at.coordinates(load, t, poses) for load in self.loads]
 
-    def efforts(self, t: float, seen: list[Vec], rates: Vec, freedoms: int, formula: Any = effort_of) -> Vec:
+    def efforts(self, t: float, coordinates: list[Vec], rates: Vec, freedoms: int, formula: Any = effort_of) -> Vec:
         """The torques of loads at these rates, (freedoms,), and zeros; or of another `formula`."""
         at, joint_rates = AtJoint(self.joint, self.loads), rates[: self.joint.freedoms]
         total = vec(*[0.0] * freedoms)
-        for load, q in zip(self.loads, seen):
+        for load, q in zip(self.loads, coordinates):
             total = total + vec(*filled([*at.effort_at(load, t, q, joint_rates, formula)], freedoms, 0.0))
         return total
 
-    def resistances(self, t: float, seen: list[Vec], rates: Vec, freedoms: int) -> Vec:
+    def resistances(self, t: float, coordinates: list[Vec], rates: Vec, freedoms: int) -> Vec:
         """The damping of each motion by loads, (freedoms,), and zeros."""
-        return self.efforts(t, seen, rates, freedoms, resistance_of)
+        return self.efforts(t, coordinates, rates, freedoms, resistance_of)
 
 
 @record

@@ -123,18 +123,18 @@ def rows_of_motions(linkage: Any, g: Any, numbers: list[int]) -> np.ndarray:
     return np.array(rows).reshape(len(rows), 6 * len(linkage.links))
 
 
-def closed(linkage: Any, poses: np.ndarray, wanted: dict[int, np.ndarray]) -> np.ndarray:
+def closed(linkage: Any, poses: np.ndarray, coordinates: dict[int, np.ndarray]) -> np.ndarray:
     """The poses nearest to these, by small corrections, at which loops are closed and joints have
     the coordinates that are wanted, (N, 4, 4).
     """
     group, g, units = linkage.configurations, small(poses.ravel()), linkage.displacements
     root = np.sqrt(np.abs(linkage._inverse.diagonal()))
-    numbers, before = sorted(wanted), np.inf
+    numbers, before = sorted(coordinates), np.inf
     for _ in range(PATIENCE):
         off = [*np.array(linkage.constraint.value(g))]
         for number in numbers:
             joint = linkage.joints[number]
-            apart = np.array(joint.coordinates(*both(joint, g))) - wanted[number]
+            apart = np.array(joint.coordinates(*both(joint, g))) - coordinates[number]
             turning = [*joint.angles]
             apart[turning] = np.remainder(apart[turning] + np.pi, 2 * np.pi) - np.pi
             off += [*apart]
@@ -161,22 +161,22 @@ def closed(linkage: Any, poses: np.ndarray, wanted: dict[int, np.ndarray]) -> np
     return np.array(g).reshape(-1, 4, 4)
 
 
-def _least_squares(rows: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """The shortest x with rows x = wanted, whatever the unit of each row: those that follow from others do so
+def _least_squares(rows: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """The shortest x with rows x = b, whatever the unit of each row: those that follow from others do so
     beside their lengths.
     """
     lengths = np.linalg.norm(rows, axis=1)
     lengths[lengths == 0.0] = 1.0
-    return np.asarray(np.linalg.lstsq(rows / lengths[:, None], wanted / lengths, rcond=DEPENDENT)[0])
+    return np.asarray(np.linalg.lstsq(rows / lengths[:, None], b / lengths, rcond=DEPENDENT)[0])
 
 
-def velocity_with(linkage: Any, g: Any, wanted: dict[int, np.ndarray]) -> np.ndarray:
+def velocity_with(linkage: Any, g: Any, rates_of: dict[int, np.ndarray]) -> np.ndarray:
     """Of the velocities that the joints allow and that have these rates, that of the least kinetic
     energy, (6 N,).
     """
-    numbers = sorted(wanted)
+    numbers = sorted(rates_of)
     G, D = np.array(linkage.jacobian(g)), rows_of_motions(linkage, g, numbers)
-    rates = np.concatenate([np.zeros(len(G)), *[wanted[number] for number in numbers]])
+    rates = np.concatenate([np.zeros(len(G)), *[rates_of[number] for number in numbers]])
     if linkage.rheonomic:  # by given motions alone
         rates[: len(G)] -= np.array(linkage.constraint.paces(g))
         begin = len(G)

@@ -49,7 +49,7 @@ class Element:
     """An element of the file, with the line where it begins."""
 
     tag: str
-    given: dict[str, str]
+    attributes: dict[str, str]
     line: int
     file: str
     inside: list[Element] = field(default_factory=list)
@@ -67,9 +67,9 @@ class Element:
 
     def text(self, name: str) -> str:
         """An attribute that must be there."""
-        if not self.given.get(name, "").strip():
+        if not self.attributes.get(name, "").strip():
             raise self.wrong(f"has no {name}")
-        return self.given[name].strip()
+        return self.attributes[name].strip()
 
     def number(self, name: str, default: float | None = None) -> float:
         """An attribute that is one number."""
@@ -77,7 +77,7 @@ class Element:
 
     def numbers(self, name: str, count: int, default: Any = None) -> np.ndarray:
         """An attribute of several numbers."""
-        if default is not None and name not in self.given:
+        if default is not None and name not in self.attributes:
             return np.array(default, dtype=float)
         words = self.text(name)
         try:
@@ -91,10 +91,10 @@ class Element:
             raise self.wrong(f'has {name}="{words}", which must be {expected}')
         return numbers
 
-    def wrong(self, said: str) -> InvalidInput:
+    def wrong(self, complaint: str) -> InvalidInput:
         """The error of this element."""
-        name = f' name="{self.given["name"]}"' if "name" in self.given else ""
-        return InvalidInput(f"{self.file}, line {self.line}: <{self.tag}{name}> {said}")
+        name = f' name="{self.attributes["name"]}"' if "name" in self.attributes else ""
+        return InvalidInput(f"{self.file}, line {self.line}: <{self.tag}{name}> {complaint}")
 
 
 def parsed(data: bytes, file: str, encoding: str | None = None) -> Element:
@@ -109,17 +109,17 @@ def parsed(data: bytes, file: str, encoding: str | None = None) -> Element:
     open_ones, text = [top], data.lstrip()  # others take a blank line before <?xml ?>
     blank = data[: len(data) - len(text)].count(b"\n")
 
-    def begin(tag: str, given: dict[str, str]) -> None:
-        if tag.startswith("xacro:") or "${" in "".join(given.values()):
+    def begin(tag: str, attributes: dict[str, str]) -> None:
+        if tag.startswith("xacro:") or "${" in "".join(attributes.values()):
             raise InvalidInput(
                 f"{file}, line {blank + parser.CurrentLineNumber}: <{tag}> is xacro, from which URDF is "
                 "made: run `xacro robot.urdf.xacro > robot.urdf`"
             )
-        new = Element(tag, given, blank + parser.CurrentLineNumber, file)
+        new = Element(tag, attributes, blank + parser.CurrentLineNumber, file)
         open_ones[-1].inside.append(new)
         open_ones.append(new)
 
-    def document_type(*given: Any) -> None:
+    def document_type(*attributes: Any) -> None:
         raise InvalidInput(
             f"{file}, line {blank + parser.CurrentLineNumber}: URDF has no document type or entities; "
             "delete <!DOCTYPE ...>"
@@ -248,7 +248,7 @@ def _parents(joints: dict[str, Element], links: dict[str, Element]) -> dict[str,
         parent, child = ends
         if child in parents:
             raise joint.wrong(
-                f"holds the link {child!r}, as the joint {parents[child][0].given['name']!r} does: a "
+                f"holds the link {child!r}, as the joint {parents[child][0].attributes['name']!r} does: a "
                 "URDF is a tree. Close loops by joints of your own, Linkage(links, joints)"
             )
         parents[child] = joint, parent
@@ -282,7 +282,7 @@ def _origin(element: Element) -> np.ndarray:
         return pose
     turns = origin.numbers("rpy", 3, np.zeros(3))
     if np.abs(turns).max() > 4.0 * np.pi:
-        raise origin.wrong(f'has rpy="{origin.given["rpy"]}": angles are in rad, not in degrees')
+        raise origin.wrong(f'has rpy="{origin.attributes["rpy"]}": angles are in rad, not in degrees')
     (a, b, c), (x, y, z) = np.cos(turns), np.sin(turns)
     pose[:3, :3] = [
         [c * b, c * y * x - z * a, c * y * a + z * x],
@@ -313,7 +313,7 @@ def _body(links: dict[str, Element], parts: list[str], poses: dict[str, np.ndarr
         J = pose[:3, :3] @ [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]] @ pose[:3, :3].T
         m = mass.number("value")
         if m < 0.0:
-            raise mass.wrong(f'has value="{mass.given["value"]}"; a mass is not negative')
+            raise mass.wrong(f'has value="{mass.attributes["value"]}"; a mass is not negative')
         inertials.append((m, pose[:3, 3], J))
     total = sum(m for m, _, _ in inertials)
     if not total > 0.0:
@@ -506,7 +506,7 @@ def _shapes(
     files: _Files,
 ) -> list[LinkShape]:
     """The visual geometry of all links.  What is wrong with it is warned of: the motion does not need it."""
-    materials = {material.given.get("name"): material for material in robot.some("material")}
+    materials = {material.attributes.get("name"): material for material in robot.some("material")}
     shapes: list[LinkShape] = []
     wrong: list[str] = []
     for name in links:
@@ -545,11 +545,11 @@ def _shapes(
     return shapes
 
 
-def _color(visual: Element, known: dict[str | None, Element]) -> str | None:
+def _color(visual: Element, materials: dict[str | None, Element]) -> str | None:
     """The colour of a visual, "#rrggbb", its own or that of a material of the robot."""
     material = visual.one("material")
     if material is not None and material.one("color") is None:
-        material = known.get(material.given.get("name"))
+        material = materials.get(material.attributes.get("name"))
     color = None if material is None else material.one("color")
     if color is None:
         return None
@@ -557,22 +557,22 @@ def _color(visual: Element, known: dict[str | None, Element]) -> str | None:
     return "#" + "".join(f"{round(255 * x):02x}" for x in parts)
 
 
-def _shape(given: Element, files: _Files) -> tuple[str, list[float], str | None] | None:
+def _shape(element: Element, files: _Files) -> tuple[str, list[float], str | None] | None:
     """Kind, size and file of a geometry; None: its mesh is not there."""
-    if given.tag == "mesh":
-        file = files.find(given.text("filename"))
-        scale = given.numbers("scale", 3, np.ones(3)).tolist()
+    if element.tag == "mesh":
+        file = files.find(element.text("filename"))
+        scale = element.numbers("scale", 3, np.ones(3)).tolist()
         return None if file is None else ("mesh", scale, file)
-    if given.tag == "box":
-        size = given.numbers("size", 3).tolist()
-    elif given.tag in ("cylinder", "capsule"):
-        width = 2.0 * given.number("radius")
-        size = [width, width, given.number("length")]
-    elif given.tag == "sphere":
-        size = [2.0 * given.number("radius")] * 3
+    if element.tag == "box":
+        size = element.numbers("size", 3).tolist()
+    elif element.tag in ("cylinder", "capsule"):
+        width = 2.0 * element.number("radius")
+        size = [width, width, element.number("length")]
+    elif element.tag == "sphere":
+        size = [2.0 * element.number("radius")] * 3
     else:
-        raise given.wrong("is no shape; URDF has box, cylinder, sphere, mesh")
+        raise element.wrong("is no shape; URDF has box, cylinder, sphere, mesh")
     if not min(size) > 0.0:
-        raise given.wrong("must have positive lengths")
-    kind = {"box": "box", "sphere": "ball"}.get(given.tag, "cylinder")
+        raise element.wrong("must have positive lengths")
+    kind = {"box": "box", "sphere": "ball"}.get(element.tag, "cylinder")
     return kind, size, None

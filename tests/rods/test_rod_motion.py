@@ -9,6 +9,7 @@ import liemech.rooms.sites.runs.plan as sites_plan
 from liemech.compiler.numbers.square_blocks import put_block
 from liemech.compiler.sites.planes import Planes, columns
 from liemech.formulas import mat, vec
+from liemech.formulas.classes.layouts import layout_of
 from liemech.models import CosseratRod, RodSection
 from liemech.rooms.sites.block_elimination import BLOCKS, factor, substitute_back
 from liemech.rooms.sites.galerkin_of_chain import order_along, work_of
@@ -196,3 +197,8 @@ def test_elimination_along_a_chain_and_a_ring_is_that_of_the_whole_matrix(count,
     exact = np.linalg.solve(whole.reshape(n * count, n * count), right.ravel())
     found = [work.solution.at(k) for k in range(count)]
     np.testing.assert_allclose(np.ravel(found), exact, rtol=1e-10, atol=1e-12)
+
+
+def test_code_is_one_for_chains_of_all_lengths():
+    assert layout_of(order_along(4, False)) == layout_of(order_along(60, False))
+    assert layout_of(lm.joints.chain(4).linked.links) == layout_of(lm.joints.chain(60).linked.links)

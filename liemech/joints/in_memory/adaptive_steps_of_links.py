@@ -16,7 +16,7 @@ from ...formulas.tables import Table, entry, of_whole, whole
 from ...integrators.method import mean_squares
 from ...integrators.rkmk import RKMK
 from ...rooms.sites.runs.driver import PAIR, Embedded, OverSites, Standing, require_finite
-from ...rooms.sites.steps_together import copied
+from ...rooms.sites.steps_together import copied, summed_over
 from ...simulation.compiled.control import first_guess, second_guess
 from ...simulation.compiled.driver import on_the_way
 from ...systems.lie_poisson import BodyState
@@ -55,7 +55,7 @@ class AdaptiveStepsOfLinks(Embedded):
         rows, nodes = [*tableau.A], [*tableau.c]
         if curves and tableau.interpolant:
             rows, nodes = [*rows, *tableau.A_extra], [*nodes, *tableau.c_extra]
-        steps = StagesOfLinks.with_ways(method, [[row] for row in (*rows, tableau.b)], nodes)
+        steps = StagesOfLinks.of_flows(method, [[row] for row in (*rows, tableau.b)], nodes)
         stages, count = tableau.stages, len(nodes)
         last = stages - 1 if tableau.fsal else count
         order = [START, EULER, *range(1, stages), *([] if tableau.fsal else [last]), *range(stages, count)]
@@ -77,7 +77,7 @@ class AdaptiveStepsOfLinks(Embedded):
         return state
 
     def trial_together(
-        self, sites: OverSites, system: Any, t: float, h: float, rtol: float, atol: float, here: int, there: int
+        self, sites: OverSites, system: Any, t: float, h: float, rtol: float, atol: float, source: int, target: int
     ) -> None:
         """A step on probation of all bodies; told are its error, the root mean square of those of all bodies, and which
         part of h it is.  The first trial finds the velocity at the start, which is the first slope of every step, and
@@ -85,7 +85,7 @@ class AdaptiveStepsOfLinks(Embedded):
         """
         steps, places = self.steps, self.places(sites, system)
         copies, slopes, work = places.copies, places.slopes, places.work.fields
-        old, new, ready = copies.nth(here).fields, copies.nth(there).fields, work.ready.at(0)
+        old, new, ready = copies.nth(source).fields, copies.nth(target).fields, work.ready.at(0)
         share, speed, guess, unit = 1.0, 0.0, 0.0, 0.0
         for turn in range(0 if ready > 0.0 else 2, int(self.turns)):
             i, length = whole(self.order, turn), share * h
@@ -94,7 +94,7 @@ class AdaptiveStepsOfLinks(Embedded):
             if i < 0:
                 each(sites.sites, displaced_body, self, guess, old, new.state)
             else:
-                steps.reach(length, i, sites.sites, copies, here, there, slopes)
+                steps.reach(length, i, sites.sites, copies, source, target, slopes)
             late = guess if i < 0 else entry(steps.nodes, i) * length
             multipliers(system, t + late, sites.sites, new.state, work)
             if i < 0:
@@ -112,17 +112,19 @@ class AdaptiveStepsOfLinks(Embedded):
                 each(sites.sites, slope_here, steps, length, i, slopes, work)
         h = share * h
         if steps.stages > self.method.tableau.stages:
-            steps.reach(h, steps.stages, sites.sites, copies, here, there, slopes)
+            steps.reach(h, steps.stages, sites.sites, copies, source, target, slopes)
         each(sites.sites, tried_body, self, h, rtol, atol, old, new, slopes, work)
         write(sites.told, 0, (self.method.error_by(means(system, work)), share), PAIR)
 
-    def velocities_together(self, sites: OverSites, system: Any, t: float, rtol: float, atol: float, here: int) -> None:
+    def velocities_together(
+        self, sites: OverSites, system: Any, t: float, rtol: float, atol: float, source: int
+    ) -> None:
         """Leave the velocities at the start to the first trial, so that code has the multipliers once."""
         self.places(sites, system).work.fields.ready.put(0, STEP_GIVEN)
         write(sites.told, 0, (0.0, 0.0), PAIR)
 
     def change_together(
-        self, sites: OverSites, system: Any, t: float, h: float, rtol: float, atol: float, here: int
+        self, sites: OverSites, system: Any, t: float, h: float, rtol: float, atol: float, source: int
     ) -> None:
         """Leave the first step to the first trial, too: of no change it is the whole way."""
         self.places(sites, system).work.fields.ready.put(0, STEP_OPEN)
@@ -138,13 +140,8 @@ def means(system: Any, work: Any) -> tuple[float, float]:
     """The means of two squares of all bodies.  Raises NotFinite, and says so in memory, where a number of a body is
     not finite.
     """
-    first, second, whole = 0.0, 0.0, 0.0
-    for b in range(int(system.bodies)):
-        first, second, whole = (
-            first + work.change_square.at(b),
-            second + work.value_square.at(b),
-            whole + work.scale.at(b),
-        )
+    squares = work.change_square, work.value_square, work.scale
+    first, second, whole = [summed_over(column, system.bodies) for column in squares]
     work.failed_joint.put(0, where(whole - whole == 0.0, 0.0, OVERFLOWED))
     require_finite(vec(whole))
     return first / system.bodies, second / system.bodies
@@ -158,9 +155,9 @@ def rated(velocity: Any, work: Any) -> None:
     velocity.save(rate_here(work))
 
 
-def displaced_body(method: Any, h: float, begun: Any, new: Any) -> None:
+def displaced_body(method: Any, h: float, start: Any, new: Any) -> None:
     """A body after an Euler step."""
-    new.save(FREE.displaced(method.method.retraction, begun.state.load(), h * begun.velocity.load()))
+    new.save(FREE.displaced(method.method.retraction, start.state.load(), h * start.velocity.load()))
 
 
 def velocity_of_body(rtol: float, atol: float, start: bool, old: Any, work: Any) -> None:

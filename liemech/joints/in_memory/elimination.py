@@ -50,7 +50,7 @@ def tied(system: Any, sides: Any, work: Any, equations: Any) -> None:
     other, side, other_side, tied_to = work.tie.load()
     fixed_side, fixed_other = system.sides
 
-    def here(column: Any) -> Mat:
+    def of_joint(column: Any) -> Mat:
         return chosen(side, *column.load()) if fixed_side < 0 else column.nth(fixed_side).load()
 
     def beyond(column: Any) -> Mat:
@@ -60,8 +60,8 @@ def tied(system: Any, sides: Any, work: Any, equations: Any) -> None:
             else column.nth(fixed_other).at(other)
         )
 
-    a, b = here(sides), beyond(sides)
-    p, q = here(equations.answers), beyond(equations.answers)
+    a, b = of_joint(sides), beyond(sides)
+    p, q = of_joint(equations.answers), beyond(equations.answers)
     for slot, left, right in ((1, b, p), (2, a, q)):
         block = mat(*[vec(*[tied_to * dot(x, y) for y in right]) for x in left])
         save_block(equations.blocks, BLOCKS, slot, block)
@@ -109,7 +109,7 @@ def pulled_by_solution(system: Any, sites: Any, work: Any, equations: Any) -> No
 
 def scattered(system: Any, work: Any) -> None:
     """The sums of what joints do to bodies that have more than one of either side."""
-    pull, table = work.further_pull, system.more
+    pull, table = work.further_pull, system.further_sides
     count = whole(table, 0)
     for p in range(count):
         pull.put(whole(table, 1 + 3 * p), REST6)

@@ -143,7 +143,7 @@ class LinkedBodies(System):
     bodies, joints : how many.  parts : of the motion of a hub, each of which is a node of elimination behind those of
     joints.  sides : on which of the two sides of joints the body of a `tie` is, of the one and of the other joint, where
     it is the same for all of them; else -1.
-    more : how many sides of joints there are beside `touch`; of each the body, the joint, the side.
+    further_sides : how many sides of joints there are beside `first_joints`; of each the body, the joint, the side.
     borders : joints at hubs, with the blocks.  couplings : pairs of joints that a body ties together, beside `tie`, with
     the sides on which it is, and the block.  order : of elimination.  pulled : do potentials of bodies count among the
     forces?
@@ -172,7 +172,7 @@ class LinkedBodies(System):
     joints: float
     parts: int
     sides: tuple[int, int]
-    more: Any
+    further_sides: Any
     borders: Any
     couplings: Any
     order: Elimination
@@ -204,8 +204,8 @@ class LinkedBodies(System):
     def of_kind(self, work: Any, formula: Any) -> Any:
         """A formula of the joint, as a record of its kind."""
 
-        def now(one: Any) -> Any:
-            return formula(one.at_time(*self.clock) if self.rheonomic else one)
+        def now(joint: Any) -> Any:
+            return formula(joint.at_time(*self.clock) if self.rheonomic else joint)
 
         return self.chosen(work.joint_parameters, len(self.kinds), work.ends.load()[3], now)
 
@@ -236,22 +236,22 @@ class LinkedBodies(System):
         """The bodies and joints at time t."""
         return with_fields(self, clock=(t,)) if self.rheonomic else self
 
-    def seen(self, one: Any) -> Any:
+    def seen(self, value: Any) -> Any:
         """A value, with tables as the step sees them."""
-        return during(one, *self.window) if len(self.window) > 0 else one
+        return during(value, *self.window) if len(self.window) > 0 else value
 
 
-def jump_at(ones: Any, count: int, i: int, which: int, t: float, to: float, every: bool) -> float:
+def jump_at(records: Any, count: int, i: int, which: int, t: float, to: float, every: bool) -> float:
     """The first jump among inputs of what acts in one place, of one of so many kinds."""
     for k in range(count):
         if which == k:
-            to = first_jump(ones.nth(k).at(i), t, to, every)
+            to = first_jump(records.nth(k).at(i), t, to, every)
     return to
 
 
-def first_jump(one: Any, t: float, to: float, every: bool) -> float:
+def first_jump(value: Any, t: float, to: float, every: bool) -> float:
     """The first jump of the tables of a value after t, up to `to`."""
-    for table in inputs(one):
+    for table in inputs(value):
         to = table.jump_ahead(t, to, every)
     return to
 
@@ -297,9 +297,9 @@ def pose_in(value: Any) -> Mat:
 
 def poses_of(column: Any, work: Any) -> tuple[Mat, Mat]:
     """The poses of a joint's bodies, of which the second may be the ground."""
-    held = work.ends.load()[2]
+    has_second = work.ends.load()[2]
     g, k = (pose_in(value) for value in both(column, work))
-    other = [vec(*[where(held > 0.0, k[i, j], 1.0 if i == j else 0.0) for j in range(4)]) for i in range(4)]
+    other = [vec(*[where(has_second > 0.0, k[i, j], 1.0 if i == j else 0.0) for j in range(4)]) for i in range(4)]
     return g, mat(*other)
 
 

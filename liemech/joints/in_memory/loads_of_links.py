@@ -15,6 +15,7 @@ from ...errors import NoConvergence
 from ...formulas import Mat, Vec, dot, jacobian, mat, plain, transpose, vec, vectors, where
 from ...integrators.kicks.explicit_kicks import negative_pivots
 from ...rooms.constraints.lie_rattle import eliminated
+from ...rooms.sites.steps_together import summed_over
 from ...solvers import CUT, NOISE, TOLERANCE, least_part, slope_beside
 from ...systems.kinetic_energy import times
 from ...systems.lie_poisson import BodyState
@@ -143,9 +144,7 @@ def corrected_velocities(
     blocks of single bodies only, so that corrections shrink linearly.
     """
     each(sites, corrected_velocity, work)
-    off, whole = 0.0, 0.0
-    for b in range(int(system.bodies)):
-        off, whole = off + work.change_square.at(b), whole + work.value_square.at(b)
+    off, whole = [summed_over(column, system.bodies) for column in (work.change_square, work.value_square)]
     size = max(size, whole)
     enough = TOLERANCE if system.on_all is None else LINEAR
     small = off <= enough * enough * size
@@ -196,17 +195,17 @@ def pushed_there(system: Any, t: float, h: float, old: Any, work: Any) -> None:
     if system.pushes_all:
         kick, slopes = work.load_kick.load(), [*work.slope_of_all.load()]
     if len(system.fields) > 0:
-        kick = kick + h * system.on_body(work, lambda one: one.push(t, w, g))
-        own_slopes = h * transpose(system.on_body(work, lambda one: slopes_of(one, t, w, g)))
+        kick = kick + h * system.on_body(work, lambda member: member.push(t, w, g))
+        own_slopes = h * transpose(system.on_body(work, lambda member: slopes_of(member, t, w, g)))
         slopes = [a + b for a, b in zip(slopes, own_slopes)]
     work.body_slope_ratio.save(sum([abs(x) for slope in slopes for x in times(work.inverse.load(), slope)], 0.0))
     work.load_kick.save(kick)
     work.loaded_answer.save(answers_to_momentum(inertia_less(slopes, work)))
 
 
-def slopes_of(one: Any, t: float, w: Vec, g: Mat) -> Mat:
+def slopes_of(member: Any, t: float, w: Vec, g: Mat) -> Mat:
     """The derivative of a load on a body by the velocity."""
-    return jacobian(lambda y: one.push(t, y, g), w)
+    return jacobian(lambda y: member.push(t, y, g), w)
 
 
 def inertia_less(slopes: Any, work: Any) -> Mat:
@@ -293,7 +292,7 @@ def efforts_at(
     (g, k), n = poses_of(old, work), system.freedoms
     step = equations.solution.load()[system.most :]
     rates = vec(*[where(moving > 0.0, w + part * x, 0.0) for w, x in zip(work.rate.load(), step)])
-    work.kick_at_rest.save(system.of_kind(work, lambda one: h * one.efforts(t, one.seen(t, g, k), rates, n)))
+    work.kick_at_rest.save(system.of_kind(work, lambda joint: h * joint.efforts(t, joint.seen(t, g, k), rates, n)))
 
 
 def efforts_there(system: Any, t: float, h: float, again: float, old: Any, work: Any, equations: Any) -> None:
@@ -301,7 +300,7 @@ def efforts_there(system: Any, t: float, h: float, again: float, old: Any, work:
     again : 1 after a correction, which has foreseen a kick.
     """
     (g, k), rates, n = poses_of(old, work), work.rate.load(), range(system.freedoms)
-    kicks, gain = system.of_kind(work, lambda one: kick_of(one, t, h, one.seen(t, g, k), rates))
+    kicks, gain = system.of_kind(work, lambda joint: kick_of(joint, t, h, joint.seen(t, g, k), rates))
     idle, before = work.kick_at_rest.load(), work.kick_before.load()
     foreseen = [where(again > 0.0, a, b) for a, b in zip(work.kick_foreseen.load(), kicks)]
     steps = [where(again > 0.0, x, 0.0) for x in equations.solution.load()[system.most :]]
@@ -312,11 +311,11 @@ def efforts_there(system: Any, t: float, h: float, again: float, old: Any, work:
     work.wrench.save(wrenches(kicks, motions_of(system, equations)))
 
 
-def kick_of(one: Any, t: float, h: float, seen: Any, rates: Vec) -> tuple[Vec, Mat]:
+def kick_of(joint: Any, t: float, h: float, coordinates: Any, rates: Vec) -> tuple[Vec, Mat]:
     """The kick of the loads at a joint along its motions, and its derivative by the rates."""
 
     def kick(y: Vec) -> Vec:
-        return h * one.efforts(t, seen, y, len(rates))
+        return h * joint.efforts(t, coordinates, y, len(rates))
 
     return kick(rates), jacobian(kick, rates)
 
@@ -424,7 +423,7 @@ def damped_here(system: Any, t: float, h: float, old: Any, work: Any) -> None:
     n = system.freedoms
     if n > 0:
         (g, k), rates = poses_of(old, work), work.rate.load()
-        damping = system.at_time(t).of_kind(work, lambda one: one.resistances(t, one.seen(t, g, k), rates, n))
+        damping = system.at_time(t).of_kind(work, lambda joint: joint.resistances(t, joint.seen(t, g, k), rates, n))
         work.load_slope.save(mat(*[vec(*[h * damping[i] if i == j else 0.0 for j in range(n)]) for i in range(n)]))
     if system.pushed:
         damped = [REST6 for _ in range(6)]
@@ -432,7 +431,9 @@ def damped_here(system: Any, t: float, h: float, old: Any, work: Any) -> None:
             damped = [h * column for column in work.slope_of_all.load()]
         if len(system.fields) > 0:
             pose, xi = plain(old.load().g), work.load_velocity.load()
-            own_damping = system.on_body(work, lambda one: mat(*[one.resistance(t, xi, pose, unit) for unit in UNITS]))
+            own_damping = system.on_body(
+                work, lambda member: mat(*[member.resistance(t, xi, pose, unit) for unit in UNITS])
+            )
             damped = [a + h * b for a, b in zip(damped, own_damping)]
         A = inertia_less(damped, work)
         work.loaded_answer.save(answers_to_momentum(A))
@@ -466,8 +467,7 @@ def require_gentle(system: Any, h: float, negative: float, work: Any) -> None:
     """Refuse a step h whose kick turns velocities round.  negative : how many pivots of conditions and loads say so."""
     count = negative
     if system.pushed:
-        for b in range(int(system.bodies)):
-            count = count + work.directions_thrown.at(b)
+        count = count + summed_over(work.directions_thrown, system.bodies)
     if count > 0.0:
         work.failed_joint.put(0, THROWN)
         work.reached.put(0, abs(h))

@@ -43,14 +43,16 @@ class MultipleTimeStepsOfLinks(StepsOfLinks):
         """A state, with pasts that are still to come."""
         return self.fast.start(system, state, h)
 
-    def step_together(self, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Layout) -> None:
+    def step_together(
+        self, system: Any, t: float, h: float, sites: Any, source: int, target: int, memory: Layout
+    ) -> None:
         """Half a kick, turn 1, the fast steps, turn 2, and half a kick, turn 3, of which the force is
         that of the next step; at the start of a run, in turn 0, it is still to be found.
         """
         places = columns(sites, copies=(memory, memory), work=system.work)
         copies, work = places.copies, places.work.fields
-        each(sites, copied, copies.nth(here), copies.nth(there))
-        memories, fast, s = copies.nth(there).fields, without_potentials(system), h / self.ratio
+        each(sites, copied, copies.nth(source), copies.nth(target))
+        memories, fast, s = copies.nth(target).fields, without_potentials(system), h / self.ratio
         turn = 1 if work.ready.at(0) == READY else 0
         while turn < 4:
             if turn == 0:
@@ -66,7 +68,7 @@ class MultipleTimeStepsOfLinks(StepsOfLinks):
             if turn == 2:
                 for i in range(int(self.ratio)):
                     begin = t + (1.0 * i) * s
-                    self.fast.substep(fast, begin, s, sites, places, 0, there, there)
+                    self.fast.substep(fast, begin, s, sites, places, 0, target, target)
             turn = turn + 1
 
 

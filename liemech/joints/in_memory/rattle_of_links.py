@@ -32,7 +32,7 @@ from ...groups.retractions import Exponential
 from ...integrators.memory import continued
 from ...integrators.solvability import CONTRACTION, INFINITY, LEAST, MOST, ROUNDING
 from ...integrators.variational import momentum_slope, with_inertia
-from ...rooms.sites.steps_together import copied, grown_together
+from ...rooms.sites.steps_together import copied, grown_together, summed_over
 from ...solvers import NOISE
 from ...systems.kinetic_energy import times
 from ...systems.lie_poisson import BodyState
@@ -97,40 +97,42 @@ class RattleOfLinks(StepsOfLinks):
         """The state, once it is settled."""
         return memory.shown
 
-    def settle(self, system: Any, t: float, sites: Any, here: int, memory: Layout) -> None:
+    def settle(self, system: Any, t: float, sites: Any, copy: int, memory: Layout) -> None:
         """Find what is shown of the state to which steps have led: its momentum without what leads off
         the constraint, mu - G* l' with G J^-1 (mu - G* l') = 0.  Steps go on as if nobody had looked.
         """
         places = columns(sites, copies=(memory, memory), work=system.work)
-        numbers, work = places.copies.nth(here).fields, places.work.fields
+        numbers, work = places.copies.nth(copy).fields, places.work.fields
         if system.loaded:
             each(sites, copied, numbers.state, numbers.shown)
         elif work.ready.at(0) == READY:
             impulses_off(system, sites, work, work.equations.heads(system.most))
             each(sites, on_the_constraint, numbers.state, numbers.shown, work)
 
-    def settle_anew(self, system: Any, t: float, sites: Any, here: int, memory: Layout) -> None:
+    def settle_anew(self, system: Any, t: float, sites: Any, copy: int, memory: Layout) -> None:
         """As `settle`, where a step was given up that had begun to write down the next field."""
         places = columns(sites, copies=(memory, memory), work=system.work)
-        state, work = places.copies.nth(here).fields.state, places.work.fields
+        state, work = places.copies.nth(copy).fields.state, places.work.fields
         field(system, t, 0.0, sites, state, state, work)
         work.ready.put(0, READY)
-        self.settle(system, t, sites, here, memory)
+        self.settle(system, t, sites, copy, memory)
 
     # ---------------------------------------------------------------- a step
 
-    def step_together(self, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Layout) -> None:
+    def step_together(
+        self, system: Any, t: float, h: float, sites: Any, source: int, target: int, memory: Layout
+    ) -> None:
         """A step of all bodies, from one copy of the memory to the other.  Where inputs jump it is
         one from there to the next jump, as in `EndingAtJumps.step`: what it remembers of steps of
         another length is forgotten.
         """
         places = columns(sites, copies=(memory, memory), work=system.work)
         if self.ending is None:
-            self.substeps_of(system, t, h, sites, places, here, there)
+            self.substeps_of(system, t, h, sites, places, source, target)
             return
-        work, memory_there = places.work.fields, places.copies.nth(there)
-        each(sites, copied, places.copies.nth(here), memory_there)
-        pasts = memory_there.fields.pasts
+        work, new_memory = places.work.fields, places.copies.nth(target)
+        each(sites, copied, places.copies.nth(source), new_memory)
+        pasts = new_memory.fields.pasts
         now, end, lasting, going = t, t + h, h, True
         while going:
             to = system.next_jump(work, now, end, self.ending)
@@ -138,33 +140,35 @@ class RattleOfLinks(StepsOfLinks):
             if s != lasting:
                 each(sites, forgotten, pasts, self.stages)
             lasting = s
-            seen = with_fields(system, window=(begin, s, self.ending.beyond))
-            self.substeps_of(seen, begin, s, sites, places, there, there)
+            cut_system = with_fields(system, window=(begin, s, self.ending.beyond))
+            self.substeps_of(cut_system, begin, s, sites, places, target, target)
             now, going = to, where(h > 0.0, to < end, to > end)
         if lasting != h:
             each(sites, forgotten, pasts, self.stages)
 
-    def substeps_of(self, system: Any, t: float, h: float, sites: Any, places: Any, here: int, there: int) -> None:
+    def substeps_of(self, system: Any, t: float, h: float, sites: Any, places: Any, source: int, target: int) -> None:
         """The substeps of a step, from one copy of the memory to the other."""
         for s in range(int(self.substeps)):
             share, node = entry(self.shares, 2 * s), entry(self.shares, 2 * s + 1)
-            self.substep(system, t + node * h, share * h, sites, places, s, here, there)
+            self.substep(system, t + node * h, share * h, sites, places, s, source, target)
 
-    def substep(self, system: Any, t: float, h: float, sites: Any, places: Any, s: int, here: int, there: int) -> None:
+    def substep(
+        self, system: Any, t: float, h: float, sites: Any, places: Any, s: int, source: int, target: int
+    ) -> None:
         """Substep number s, one step of LieRATTLE, in turns, so that code has the field and the loads once: in turn 0, at
         the start of a run, the field alone; in turn 1 loads as they begin, displacements and impulses, and the field at
         the end; in turn 2, under loads, their kick there with what leads off the constraint.
 
-        here, there : the copies of the memory before the whole step, where the past of all substeps lies, and after it.
+        source, target : the copies of the memory before the whole step, where the past of all substeps lies, and after it.
         """
-        copies, work, begun = places.copies, places.work.fields, here if s == 0 else there
-        past, new_past = [copies.nth(k).fields.pasts.nth(s) for k in (here, there)]
-        old, new = copies.nth(begun).fields.state, copies.nth(there).fields.state
+        copies, work, start = places.copies, places.work.fields, source if s == 0 else target
+        past, new_past = [copies.nth(k).fields.pasts.nth(s) for k in (source, target)]
+        old, new = copies.nth(start).fields.state, copies.nth(target).fields.state
         conditions, ready = work.equations.heads(system.most), work.ready.at(0)
         turn = 1 if ready == READY else 0
         while turn < 3:
             if system.loaded and turn > 0:
-                before = copies.nth(begun if turn == 1 else there).fields.state
+                before = copies.nth(start if turn == 1 else target).fields.state
                 loads(system, t, turn, h, sites, before, new, work, True)
             if turn == 1 and system.geared:
                 each(sites, dial_here, system.at_time(t), old, work, conditions)
@@ -178,8 +182,8 @@ class RattleOfLinks(StepsOfLinks):
                 each(sites, moved_body, system, self.retraction, h, old, new, work)
                 work.ready.put(0, where(ready == 0.0, 0.0, BROKEN))
             if turn < 2:
-                looked_at, k = copies.nth(begun if turn == 0 else there).fields.state, h * float(turn)
-                field(system, t + k, 0.5 * k, sites, looked_at, new, work)
+                state, k = copies.nth(start if turn == 0 else target).fields.state, h * float(turn)
+                field(system, t + k, 0.5 * k, sites, state, new, work)
             turn = turn + 1
         each(sites, ended, system, past, new_past, new, work)
         work.ready.put(0, READY)
@@ -238,13 +242,13 @@ class RattleOfLinks(StepsOfLinks):
         return settled and inside, count, dependent
 
 
-def field(system: Any, t: float, h: float, sites: Any, seen: Any, new: Any, work: Any) -> None:
+def field(system: Any, t: float, h: float, sites: Any, state: Any, new: Any, work: Any) -> None:
     """The field at a state, the one after a kick h by it, its velocity, and the rows of joints."""
-    each(sites, joints_here, system.at_time(t), seen, work, work.equations.fields)
+    each(sites, joints_here, system.at_time(t), state, work, work.equations.fields)
     scattered(system, work)
     if system.pulls_all:
-        pulled_together(system, seen, work)
-    each(sites, kicked, system, h, seen, new, work)
+        pulled_together(system, state, work)
+    each(sites, kicked, system, h, state, new, work)
 
 
 # ------------------------------------------------------------------ formulas of one body
@@ -395,12 +399,9 @@ def summed(system: Any, work: Any) -> tuple[float, float, float, bool, bool]:
     """The sums of what corrections tell: their square and that of displacements, the size of what is
     rounding, whether determinants have kept their sign, and whether all is inside the chart.
     """
-    length, whole, size, upright, inside = 0.0, 0.0, 0.0, 1.0, 1.0
-    for b in range(int(system.bodies)):
-        length, whole = length + work.change_square.at(b), whole + work.value_square.at(b)
-        inside, upright = min(inside, work.in_chart.at(b)), min(upright, work.sign_kept.at(b))
-        size = size + work.scale.at(b)
-    return length, whole, size, upright > 0.0, inside > 0.0
+    columns_of_bodies = work.change_square, work.value_square, work.scale, work.sign_kept, work.in_chart
+    length, whole, size, upright, inside = [summed_over(column, system.bodies) for column in columns_of_bodies]
+    return length, whole, size, upright == system.bodies, inside == system.bodies
 
 
 def worst(system: Any, equations: Any) -> float:
@@ -420,18 +421,18 @@ def worst(system: Any, equations: Any) -> float:
 def joints_here(system: Any, old: Any, work: Any, equations: Any) -> None:
     """The rows of a joint, of conditions and of motions that loads act along, and the wrench of its springs."""
     most = system.most
-    (g, k), held, alive = poses_of(old, work), work.ends.load()[2], work.alive.load()
+    (g, k), has_second, alive = poses_of(old, work), work.ends.load()[2], work.alive.load()
     first, second = system.of_kind(work, lambda it: it.rows(g, k, most, system.freedoms))
     G = [a * row for a, row in zip(alive, first)]
-    H = [(a * held) * row for a, row in zip(alive, second)]
-    equations.sides.save((mat(*G, *first[most:]), mat(*H, *[held * row for row in second[most:]])))
+    H = [(a * has_second) * row for a, row in zip(alive, second)]
+    equations.sides.save((mat(*G, *first[most:]), mat(*H, *[has_second * row for row in second[most:]])))
     if system.rheonomic:
         paces = system.of_kind(work, lambda it: it.paces(g, k, most, system.freedoms))
         work.paces.save(vec(*[a * x for a, x in zip(alive, paces)], *paces[most:]))
     push: Any = (*REST6, *REST6)
     if system.springs:
         push = system.of_kind(work, lambda it: it.springs_push(g, k))
-    work.wrench.save((vec(*push[:6]), held * vec(*push[6:])))
+    work.wrench.save((vec(*push[:6]), has_second * vec(*push[6:])))
 
 
 def wrench_of_unknown(work: Any, equations: Any) -> None:
@@ -443,10 +444,10 @@ def correction_of_joint(system: Any, sign: float, h: float, work: Any, equations
     """The conditions at the end of the step, their rows, what they miss, and the answers of the
     bodies to the impulses of the joint.  sign : of the step h.
     """
-    n, held, alive = system.most, work.ends.load()[2], work.alive.load()
+    n, has_second, alive = system.most, work.ends.load()[2], work.alive.load()
     g, k = poses_of(work.end_pose, work)
     first, second = system.of_kind(work, lambda it: it.rows(g, k, n, 0))
-    rows = [a * row for a, row in zip(alive, first)], [(a * held) * row for a, row in zip(alive, second)]
+    rows = [a * row for a, row in zip(alive, first)], [(a * has_second) * row for a, row in zip(alive, second)]
     equations.residual.save(missed(system, h, rows, g, k, work))
     moved = both(work.answer_at_end, work)
     joint_answers = [[answered(K, row) for row in side] for K, side in zip(moved, equations.sides.load())]
@@ -459,17 +460,17 @@ def mismatch_of_joint(system: Any, h: float, work: Any, equations: Any) -> None:
     equations.residual.save(missed(system, h, equations.end_sides.load(), *poses_of(work.end_pose, work), work))
 
 
-def missed(system: Any, h: float, there: Any, g: Mat, k: Mat, work: Any) -> Vec:
+def missed(system: Any, h: float, rows: Any, g: Mat, k: Mat, work: Any) -> Vec:
     """The mismatch of the conditions at the end of the step, with the free motions of the bodies.  That of a rotor is that
     it turns as the joint does: by h (q' + l/A) along the step.
     """
-    c = system.of_kind(work, lambda one: one.value(g, k, system.most))
+    c = system.of_kind(work, lambda joint: joint.value(g, k, system.most))
     if system.geared:
         q, rate, added = work.rotor.load()
-        turned = system.of_kind(work, lambda one: one.turned(g, k, q))
+        turned = system.of_kind(work, lambda joint: joint.turned(g, k, q))
         y, l = work.lightness.load(), work.unknown.nth(1).load()[system.most - 1]
         c = [*c[: system.most - 1], turned - h * (rate + y * l + added)]
-    free = speeds(there, both(work.free_at_end, work))
+    free = speeds(rows, both(work.free_at_end, work))
     return vec(*[x - live * value for x, value, live in zip(free, c, work.alive.load())])
 
 
@@ -489,7 +490,7 @@ def meshed(system: Any, work: Any) -> None:
 def dial_here(system: Any, old: Any, work: Any, equations: Any) -> None:
     """The coordinate of a joint, by which its rotor turns, and its rate."""
     g, k = poses_of(old, work)
-    q = system.of_kind(work, lambda one: one.turned(g, k, 0.0))
+    q = system.of_kind(work, lambda joint: joint.turned(g, k, 0.0))
     rate = speeds(equations.sides.load(), both(work.velocity, work))[system.most - 1]
     work.rotor.save(vec(q, rate, 0.0))
 

@@ -69,8 +69,8 @@ def linked_method(plan: Any) -> Any:
     if isinstance(method, Composition):
         return rattle_of(method, method.base, [*zip(method.tableau.gamma, method.tableau.nodes)], site, ending)
     explicit = type(method) is RKMK and method.tableau.explicit
-    flows = isinstance(method, CommutatorFree) and plan._steps.precision == "double"
-    if explicit or flows:
+    by_flows = isinstance(method, CommutatorFree) and plan._steps.precision == "double"
+    if explicit or by_flows:
         return stages_of(method) if ending is None and not special else None
     if type(method) is Taylor:
         for has, what in (
@@ -114,11 +114,11 @@ def written_out(method: Any, what: str) -> None:
 def stages_of(method: Any) -> StagesOfLinks:
     """An explicit RKMK or commutator-free method as that of many bodies and joints."""
     if isinstance(method, CommutatorFree):
-        flows = method.tableau
-        ways: Any = [flows.way(i) or ((0.0,),) for i in range(len(flows.flows))]
-        return StagesOfLinks.with_ways(method, ways, flows.c[:-1])
+        tableau: Any = method.tableau
+        flows_to = [tableau.way(i) or ((0.0,),) for i in range(len(tableau.flows))]
+        return StagesOfLinks.of_flows(method, flows_to, tableau.c[:-1])
     tableau = method.tableau.bare
-    return StagesOfLinks.with_ways(method, [[row] for row in (*tableau.A, tableau.b)], tableau.c)
+    return StagesOfLinks.of_flows(method, [[row] for row in (*tableau.A, tableau.b)], tableau.c)
 
 
 def taylor_of(method: Taylor, site: LinkedBodies) -> TaylorOfLinks:
@@ -129,11 +129,11 @@ def taylor_of(method: Taylor, site: LinkedBodies) -> TaylorOfLinks:
     return TaylorOfLinks(repr(method), method, order, float(order), tuple(spans), terms_of(order, site.most))
 
 
-def place_of(linkage: Any, one: Any) -> tuple[int, int] | None:
+def place_of(linkage: Any, parameter: Any) -> tuple[int, int] | None:
     """The first row, among the numbers that do not change, and the column of an input that is a
     parameter of a force at a joint; None for others.
     """
-    head, _, path = one.name.partition(".")
+    head, _, path = parameter.name.partition(".")
     k, _, path = path.partition(".")
     if head != "forces" or not path:
         return None
@@ -145,13 +145,12 @@ def place_of(linkage: Any, one: Any) -> tuple[int, int] | None:
         and linkage._has_potential(x) is linkage._has_potential(force)
     ]  # fmt: skip
     side = "springs" if linkage._has_potential(force) else "loads"
-    column = number
-    joint = form.joints[column]
-    rows = places_of(joint, f"{side}.{len(before)}.{path}", one.layout)
+    joint = form.joints[number]
+    rows = places_of(joint, f"{side}.{len(before)}.{path}", parameter.layout)
     if rows is None or len(rows) != 1:
         return None
     parameters = columns(Planes(form.fixed, form.places), work=form.links.work).work.fields.joint_parameters
-    return parameters.nth(form.links.kinds.index(layout_of(joint))).rows[rows[0]], column
+    return parameters.nth(form.links.kinds.index(layout_of(joint))).rows[rows[0]], number
 
 
 class StepsOfLinkage(StepsOfSites):
@@ -240,11 +239,11 @@ class LinksRun(SiteRun):
         self._begin_at(self.shape.shown_rows(self._memory))
         return True
 
-    def _places(self, one: Any) -> Any:
+    def _places(self, parameter: Any) -> Any:
         """The first row and the column of a parameter of a force at a joint; None for others."""
-        if one.name not in self.known_places:
-            self.known_places[one.name] = place_of(self.plan._one, one)
-        return self.known_places[one.name]
+        if parameter.name not in self.known_places:
+            self.known_places[parameter.name] = place_of(self.plan._one, parameter)
+        return self.known_places[parameter.name]
 
     def _begin_at(self, rows: np.ndarray) -> None:
         self.work[len(self.plan._one.linked.fixed) :] = 0.0

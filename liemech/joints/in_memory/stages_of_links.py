@@ -39,13 +39,13 @@ class StagesOfLinks(StepsOfLinks):
 
     Each stage, and the end of the step, is reached from its start by flows one after the other, by sums of slopes.
 
-    method : the RKMK or CommutatorFree.  ways : the numbers of the first flows to the stages and to the end, and of
+    method : the RKMK or CommutatorFree.  first_flows : the numbers of the first flows to the stages and to the end, and of
     all flows.  weights : of each flow those of all slopes.  nodes : c, of the end as well.  stages, rounds : how many
     stages there are.  slopes : the layout of those of a body.
     """
 
     method: Any
-    ways: Table
+    first_flows: Table
     weights: Table
     nodes: Table
     stages: int
@@ -53,11 +53,11 @@ class StagesOfLinks(StepsOfLinks):
     slopes: Layout
 
     @classmethod
-    def with_ways(cls, method: Any, ways: Any, nodes: Any) -> StagesOfLinks:
+    def of_flows(cls, method: Any, flows_to: Any, nodes: Any) -> StagesOfLinks:
         """The method with these rows of weights for each stage and, last, for the end of the step; at least one each."""
         count = len(nodes)
-        rows = [[*row, *[0.0] * (count - len(row))] for flows in ways for row in flows]
-        firsts = np.cumsum([0, *map(len, ways)])
+        rows = [[*row, *[0.0] * (count - len(row))] for flows in flows_to for row in flows]
+        firsts = np.cumsum([0, *map(len, flows_to)])
         tables = of_whole(firsts), Table(np.ravel(rows)), Table(np.array([*nodes, 1.0]))
         return cls(repr(method), method, *tables, count, float(count), Layout("tuple", (vector(12),) * count))
 
@@ -66,22 +66,24 @@ class StagesOfLinks(StepsOfLinks):
         """The number of rows of memory that slopes take."""
         return self.slopes.width
 
-    def step_together(self, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Layout) -> None:
+    def step_together(
+        self, system: Any, t: float, h: float, sites: Any, source: int, target: int, memory: Layout
+    ) -> None:
         """A step of all bodies: stage by stage the slopes, and the state to which they lead."""
         places = columns(sites, copies=(memory, memory), slopes=self.slopes, work=system.work)
         copies, slopes, work = places.copies, places.slopes, places.work.fields
         for i in range(int(self.rounds)):
-            self.reach(h, i, sites, copies, here, there, slopes)
-            multipliers(system, t + entry(self.nodes, i) * h, sites, copies.nth(there).fields.state, work)
+            self.reach(h, i, sites, copies, source, target, slopes)
+            multipliers(system, t + entry(self.nodes, i) * h, sites, copies.nth(target).fields.state, work)
             each(sites, slope_here, self, h, i, slopes, work)
-        self.reach(h, self.stages, sites, copies, here, there, slopes)
+        self.reach(h, self.stages, sites, copies, source, target, slopes)
 
-    def reach(self, h: float, i: int, sites: Any, copies: Any, here: int, there: int, slopes: Any) -> None:
+    def reach(self, h: float, i: int, sites: Any, copies: Any, source: int, target: int, slopes: Any) -> None:
         """The state of stage i, after the last one that of the end, in the one copy; the step begins in the other."""
-        first = whole(self.ways, i)
-        for flow in range(first, whole(self.ways, i + 1)):
-            begin = copies.nth(here if flow == first else there).fields.state
-            each(sites, flown, self, h, flow, begin, copies.nth(there).fields.state, slopes)
+        first = whole(self.first_flows, i)
+        for flow in range(first, whole(self.first_flows, i + 1)):
+            begin = copies.nth(source if flow == first else target).fields.state
+            each(sites, flown, self, h, flow, begin, copies.nth(target).fields.state, slopes)
 
 
 def multipliers(system: Any, t: float, sites: Any, state: Any, work: Any) -> None:
@@ -107,11 +109,11 @@ def displacement(method: Any, h: float, flow: int, slopes: Any) -> Vec:
     return total
 
 
-def flown(method: Any, h: float, flow: int, begun: Any, new: Any, slopes: Any) -> None:
+def flown(method: Any, h: float, flow: int, start: Any, new: Any, slopes: Any) -> None:
     """The state of a body at the end of a flow."""
     omega = displacement(method, h, flow, slopes)
     retraction = method.method.retraction if isinstance(method.method, RKMK) else Exponential()
-    new.save(FREE.displaced(retraction, begun.load(), omega))
+    new.save(FREE.displaced(retraction, start.load(), omega))
 
 
 def accelerated(system: Any, state: Any, work: Any) -> None:
@@ -128,9 +130,9 @@ def curved(system: Any, state: Any, work: Any, equations: Any) -> None:
     (g, k), (xi, eta) = poses_of(state, work), both(work.free_at_end, work)
     eta = work.ends.load()[2] * eta
 
-    def curvature(one: Any) -> Vec:
+    def curvature(joint: Any) -> Vec:
         def speed(s: float) -> Vec:
-            sides = one.rows(moved_along(g, xi, s), moved_along(k, eta, s), system.most, 0)
+            sides = joint.rows(moved_along(g, xi, s), moved_along(k, eta, s), system.most, 0)
             return vec(*speeds(sides, (xi, eta)))
 
         return derivative(speed, 0.0)

@@ -84,10 +84,12 @@ class TaylorOfLinks(StepsOfLinks):
         """The number of rows of memory that coefficients take."""
         return self.terms.width
 
-    def step_together(self, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Layout) -> None:
+    def step_together(
+        self, system: Any, t: float, h: float, sites: Any, source: int, target: int, memory: Layout
+    ) -> None:
         """A step of all bodies: order by order the terms, and the state to which they lead."""
         places = columns(sites, copies=(memory, memory), terms=self.terms, work=system.work)
-        old, new = places.copies.nth(here).fields.state, places.copies.nth(there).fields.state
+        old, new = places.copies.nth(source).fields.state, places.copies.nth(target).fields.state
         terms, work = places.terms.fields, places.work.fields
         equations = work.equations.heads(system.most)
         each(sites, first_terms, h, old, terms, work)
@@ -196,10 +198,10 @@ def fields_of_body(orders: int, system: Any, t: float, h: float, terms: Any, wor
     g = full([terms.pose.nth(j).load() for j in range(orders)])
     xi = in_order([terms.xi.nth(j).load() for j in range(orders)])
 
-    def pulled(one: Any) -> list[Vec]:
-        force = one.pull(g)
+    def pulled(joint: Any) -> list[Vec]:
+        force = joint.pull(g)
         if system.pushed:
-            force = force + one.push(Series(t, h), xi, g)
+            force = force + joint.push(Series(t, h), xi, g)
         return [vec(*[term_of(x, i) for x in force]) for i in range(orders)]
 
     for i, force in enumerate(system.on_body(work, pulled)):
@@ -220,14 +222,14 @@ def summed_up(method: Any, h: float, old: Any, new: Any, terms: Any) -> None:
     new.save(ALONE.displaced(method.method.retraction, pushed, total(terms_of_omega)))
 
 
-def in_order(some: Any) -> Vec:
+def in_order(coefficients: Any) -> Vec:
     """The vector of series with these coefficients."""
-    return vec(*[Series(*[x[i] for x in some]) for i in range(len(some[0]))])
+    return vec(*[Series(*[x[i] for x in coefficients]) for i in range(len(coefficients[0]))])
 
 
-def full(some: Any) -> Mat:
+def full(coefficients: Any) -> Mat:
     """The pose with coefficients [R, p]."""
-    return mat(*[vec(*[Series(*[x[i][j] for x in some]) for j in range(4)]) for i in range(3)], END)
+    return mat(*[vec(*[Series(*[x[i][j] for x in coefficients]) for j in range(4)]) for i in range(3)], END)
 
 
 def term_of(x: Any, k: int) -> Any:
@@ -240,18 +242,18 @@ def term_of(x: Any, k: int) -> Any:
 # ------------------------------------------------------------------ formulas of one joint
 
 
-def rows_of_joint(system: Any, known: int, count: int, terms: Any, work: Any) -> None:
-    """The rows of a joint of the orders beyond those known; higher ones than are to be known count for nothing."""
-    alive, (held, poses) = work.alive.load(), poses_in_order(count, terms, work)
-    orders = range(known, count)
+def rows_of_joint(system: Any, begin: int, count: int, terms: Any, work: Any) -> None:
+    """The rows of a joint of the orders from `begin` on; higher ones than are to be known count for nothing."""
+    alive, (has_second, poses) = work.alive.load(), poses_in_order(count, terms, work)
+    orders = range(begin, count)
 
-    def found(one: Any) -> list[Any]:
-        sides = one.rows(*poses, system.most, 0)
+    def found(joint: Any) -> list[Any]:
+        sides = joint.rows(*poses, system.most, 0)
         return [[vec(*[term_of(x, i) for x in row]) for side in sides for row in side] for i in orders]
 
     for order, rows in zip(orders, of_joint(system, work, found)):
         first = [a * row for a, row in zip(alive, rows[: system.most])]
-        second = [(a * held) * row for a, row in zip(alive, rows[system.most :])]
+        second = [(a * has_second) * row for a, row in zip(alive, rows[system.most :])]
         terms.sides.nth(order).save((mat(*first), mat(*second)))
 
 
@@ -276,34 +278,34 @@ def of_joint(system: Any, work: Any, formula: Any, done: tuple[Any, ...] = ()) -
 
 def poses_in_order(count: int, terms: Any, work: Any) -> tuple[float, tuple[Mat, Mat]]:
     """Is there a second body?  And the poses of both as series of so many terms, the ground's without one."""
-    first, second, held, _ = work.ends.load()
+    first, second, has_second, _ = work.ends.load()
     g, k = [[terms.pose.nth(j).at(body) for j in range(count)] for body in (first, second)]
-    other = [mat(*[held * row for row in motion]) for motion in k]
-    still = mat(*[vec(*[1.0 - held if i == j else 0.0 for j in range(4)]) for i in range(3)])
-    return held, (full(g), full([other[0] + still, *other[1:]]))
+    other = [mat(*[has_second * row for row in motion]) for motion in k]
+    still = mat(*[vec(*[1.0 - has_second if i == j else 0.0 for j in range(4)]) for i in range(3)])
+    return has_second, (full(g), full([other[0] + still, *other[1:]]))
 
 
 def pushes_of_joint(system: Any, p: int, t: float, h: float, terms: Any, work: Any) -> None:
     """The terms of springs and loads of a joint, of which higher ones than are to be known count for nothing."""
     n, m = system.most, system.freedoms
     first, second, _, _ = work.ends.load()
-    held, poses = poses_in_order(p, terms, work)
+    has_second, poses = poses_in_order(p, terms, work)
     xi, eta = [in_order([terms.xi.nth(j).at(body) for j in range(p)]) for body in (first, second)]
     time: Any = Series(t, h)
 
-    def found(one: Any) -> list[Vec]:
-        push = one.springs_push(*poses) if system.springs else vec(*[0.0] * 12)
+    def found(joint: Any) -> list[Vec]:
+        push = joint.springs_push(*poses) if system.springs else vec(*[0.0] * 12)
         if m > 0:
-            turning, by = one.rows(*poses, n, m)
+            turning, by = joint.rows(*poses, n, m)
             turning, by = turning[n:], by[n:]
-            rates = vec(*[dot(a, xi) + held * dot(b, eta) for a, b in zip(turning, by)])
-            efforts = one.efforts(time, one.seen(time, *poses), rates, m)
+            rates = vec(*[dot(a, xi) + has_second * dot(b, eta) for a, b in zip(turning, by)])
+            efforts = joint.efforts(time, joint.seen(time, *poses), rates, m)
             for e, a, b in zip(efforts, turning, by):
                 push = push + vec(*[e * x for x in (*a, *b)])
         return [vec(*[term_of(x, i) for x in push]) for i in range(p)]
 
     for i, push in enumerate(system.of_kind(work, found)):
-        terms.pushes.nth(i).save((vec(*push[:6]), held * vec(*push[6:])))
+        terms.pushes.nth(i).save((vec(*push[:6]), has_second * vec(*push[6:])))
 
 
 def held_back(system: Any, k: int, terms: Any, work: Any) -> None:

@@ -35,7 +35,7 @@ class Elimination(Record):
     belows: Table
     updates: Table
     filled: Table
-    blocks: int
+    blocks: float
 
     @classmethod
     def in_order(cls, order: Any, later_of: Any, blocks: dict[tuple[int, int], int], filled: list[int]) -> Elimination:
@@ -51,17 +51,17 @@ class Elimination(Record):
                 updates += [block for j in later for block in (blocks[k, j], blocks[i, j])]
                 belows += [i, blocks[i, k], blocks[k, i], first, len(updates) // 2]
         tables: Any = [of_whole([*table, 0]) for table in (pivots, belows, updates, [len(filled), *filled])]
-        return cls(len(pivots) / 3, *tables, blocks=max(blocks.values()) + 1)
+        return cls(len(pivots) / 3, *tables, blocks=float(max(blocks.values()) + 1))
 
     def rows(self, n: int, places: int) -> int:
         """The number of rows of memory that blocks, n x n, take."""
-        return -(-max(self.blocks, BLOCKS * padded(places)) * n * wide(n) // padded(places))
+        return -(-max(int(self.blocks), BLOCKS * padded(places)) * n * wide(n) // padded(places))
 
 
-def factor(order: Elimination, sign: float, equations: Any, seen: Any = None) -> tuple[float, float, float]:
+def factor(order: Elimination, sign: float, equations: Any, measure: Any = None) -> tuple[float, float, float]:
     """Eliminate blocks, in place, and what they leave of the right sides; the first node whose equations depend on those
     before it, or -1; 1, or -1 if the determinant has another sign than that of `sign` times a positive matrix; and the sum
-    of the numbers that are `seen` in pivots, if any are.
+    of a `measure` of pivots, if there is one.
     """
     blocks, n = equations.blocks, equations.residual.width
     dependent, same_sign, total = -1.0, 1.0, 0.0
@@ -70,8 +70,8 @@ def factor(order: Elimination, sign: float, equations: Any, seen: Any = None) ->
     for p in range(int(order.nodes)):
         k, begin, end = (whole(order.pivots, 3 * p + i) for i in range(3))
         before = equations.diagonal.at(k)
-        if seen is not None:
-            total = total + seen(k, block_at(blocks, BLOCKS * k, n))
+        if measure is not None:
+            total = total + measure(k, block_at(blocks, BLOCKS * k, n))
         inverse, sign_kept, independent = inverted(block_at(blocks, BLOCKS * k, n), before, sign)
         same_sign = same_sign * sign_kept
         if not independent and dependent < 0.0:

@@ -38,7 +38,7 @@ from ...integrators.variational import with_inertia
 from ...solvers import NOISE
 from ...systems.lie_poisson import BodyState
 from .block_elimination import BLOCKS, Elimination, factor, substitute_back, substitute_forward
-from .steps_together import StepsTogether, copied, grown_together
+from .steps_together import StepsTogether, copied, grown_together, summed_over
 from .terms.terms_at_site import at_this_site
 
 
@@ -95,12 +95,14 @@ class GalerkinOfChain(StepsTogether):
         """The state of the site in the memory."""
         return memory.state
 
-    def step_together(self, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Layout) -> None:
+    def step_together(
+        self, system: Any, t: float, h: float, sites: Any, source: int, target: int, memory: Layout
+    ) -> None:
         """A step of all sites, from one copy of the memory to the other."""
         places = columns(sites, copies=(memory, memory), work=self.work)
-        work, memory_there = places.work.fields, places.copies.nth(there)
-        each(sites, copied, places.copies.nth(here), memory_there)
-        old, pasts = memory_there.fields.state, memory_there.fields.past
+        work, new_memory = places.work.fields, places.copies.nth(target)
+        each(sites, copied, places.copies.nth(source), new_memory)
+        old, pasts = new_memory.fields.state, new_memory.fields.past
         for s in range(int(self.substeps)):
             share, node = entry(self.shares, 2 * s), entry(self.shares, 2 * s + 1)
             self.substep(system, t + node * h, share * h, sites, old, pasts.nth(s), work)
@@ -135,7 +137,7 @@ class GalerkinOfChain(StepsTogether):
                 substitute_forward(self.order, work)
             substitute_back(self.order, work)
             each(sites, corrected, system, old, work)
-            length, whole, size = summed(self, work)
+            length, whole, size = summed_over(work.squares, self.sites)
             count = count + 1.0
             shrinks = length <= CONTRACTION * before
             small = length <= NOISE * NOISE * (whole + size)
@@ -310,11 +312,3 @@ def order_along(n: int, ring: bool) -> Elimination:
     blocks |= {pair: behind + i for i, pair in enumerate(borders)}
     later_of = [sorted({k + 1, end} if ring else {k + 1}) for k in range(end)]
     return Elimination.in_order(range(n), [*later_of, []], blocks, [blocks[pair] for pair in borders])
-
-
-def summed(method: Any, work: Any) -> tuple[float, float, float]:
-    """The sums over all sites of what a correction tells."""
-    total = work.squares.at(0)
-    for k in range(1, int(method.sites)):
-        total = total + work.squares.at(k)
-    return total[0], total[1], total[2]

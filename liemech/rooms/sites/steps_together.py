@@ -37,6 +37,14 @@ def copied(old: Any, new: Any) -> None:
     new.save(old.load())
 
 
+def summed_over(column: Any, count: float) -> Any:
+    """The sum of the values of the first sites, as many as `count`."""
+    total = column.at(0)
+    for k in range(1, int(count)):
+        total = total + column.at(k)
+    return total
+
+
 def grown_together(sites: Any, work: Any, newton: Callable[..., Any], *args: Any) -> tuple[float, float]:
     """The part of a step, 1 or less, up to which a solution grows out of h = 0, and the last remark of `newton`.
 
