@@ -50,8 +50,8 @@ class Elimination(Record):
                 first = len(updates) // 2
                 updates += [block for j in later for block in (blocks[k, j], blocks[i, j])]
                 belows += [i, blocks[i, k], blocks[k, i], first, len(updates) // 2]
-        tables: Any = [of_whole([*table, 0]) for table in (pivots, belows, updates, [len(filled), *filled])]
-        return cls(len(pivots) / 3, *tables, blocks=float(max(blocks.values()) + 1))
+        tables = [of_whole([*table, 0]) for table in (pivots, belows, updates, [len(filled), *filled])]
+        return cls(len(pivots) / 3, tables[0], tables[1], tables[2], tables[3], float(max(blocks.values()) + 1))
 
     def rows(self, n: int, places: int) -> int:
         """The number of rows of memory that blocks, n x n, take."""
