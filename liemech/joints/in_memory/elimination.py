@@ -14,7 +14,7 @@ from ...errors import NoConvergence
 from ...formulas import Mat, Vec, dot, mat, vec, where
 from ...formulas.tables import entry, whole
 from ...integrators.kicks.explicit_kicks import negative_pivots
-from ...rooms.sites.block_elimination import BLOCKS, factor, substitute_back, substitute_forward
+from ...rooms.sites.block_elimination import BLOCKS, factor, substitute
 from ...systems.kinetic_energy import times
 from .links import REST6, both, speeds, wrenches
 
@@ -169,7 +169,6 @@ def bordered(system: Any, sides: Any, sign: float, equations: Any) -> None:
         unit = [vec(*[sign if i == k else 0.0 for i in range(n)]) for k in range(n)]
         put_block(blocks, BLOCKS * v, mat(*unit))
         equations.diagonal.put(v, vec(*[1.0] * n))
-    nothing_of_hubs(system, equations.residual)
 
 
 def nothing_of_hubs(system: Any, column: Any) -> None:
@@ -188,8 +187,8 @@ def mesh_blocks(system: Any, h: float, equations: Any) -> None:
 
 
 def factored(system: Any, sign: float, equations: Any, counted: float = 0.0) -> float:
-    """Elimination of the blocks, in place, and of what the conditions miss; the first joint whose conditions
-    depend on those before it, or the last joint if the determinant has lost its sign; -1 if all is well.
+    """Elimination of the blocks, in place; the first joint whose conditions depend on those before it, or the last joint
+    if the determinant has lost its sign; -1 if all is well.
     counted : 1 for the number of negative pivots instead, those of conditions as -1.
     """
 
@@ -203,16 +202,11 @@ def factored(system: Any, sign: float, equations: Any, counted: float = 0.0) -> 
     return where(counted > 0.0, count, where(same_sign < 0.0 and dependent < 0.0, last, dependent))
 
 
-def eliminated_again(system: Any, equations: Any) -> None:
-    """Elimination of what the conditions miss, with the blocks as `factored` has left them."""
+def solved(system: Any, equations: Any) -> None:
+    """The impulses by what the conditions miss, with the blocks as `factored` has left them."""
     if system.parts > 0:
         nothing_of_hubs(system, equations.residual)
-    substitute_forward(system.order, equations)
-
-
-def solved(system: Any, equations: Any) -> None:
-    """The impulses, from the last joint to the first."""
-    substitute_back(system.order, equations)
+    substitute(system.order, equations)
     if system.parts > 0:
         nothing_of_hubs(system, equations.solution)
 

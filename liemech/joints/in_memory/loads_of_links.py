@@ -19,7 +19,7 @@ from ...rooms.sites.steps_together import summed_over
 from ...solvers import CUT, NOISE, TOLERANCE, least_part, slope_beside
 from ...systems.kinetic_energy import times
 from ...systems.lie_poisson import BodyState
-from .elimination import assembled, eliminated_again, factored, free_answers, rates_off, save_answers, scattered, solved
+from .elimination import assembled, factored, free_answers, rates_off, save_answers, scattered, solved
 from .links import REST6, answered, both, poses_of, pull_on, speeds, wrenches
 from .on_all_bodies import UNITS, damping_of_all, pushed_together
 
@@ -132,7 +132,6 @@ def newton_matrix(system: Any, tried: int, pivots: float, sites: Any, work: Any,
         assembled(system, sites, equations.sides, 1.0, 1.0, work, equations)
         return factored(system, 1.0, equations, pivots)
     each(sites, excess_again, system, work, equations)
-    eliminated_again(system, equations)
     return 0.0
 
 

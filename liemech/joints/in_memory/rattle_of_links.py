@@ -36,15 +36,7 @@ from ...rooms.sites.steps_together import copied, grown_together, summed_over
 from ...solvers import NOISE
 from ...systems.kinetic_energy import times
 from ...systems.lie_poisson import BodyState
-from .elimination import (
-    assembled,
-    eliminated_again,
-    factored,
-    impulses_off,
-    pulled_by_solution,
-    save_answers,
-    scattered,
-)
+from .elimination import assembled, factored, impulses_off, pulled_by_solution, save_answers, scattered
 from .links import BROKEN, READY, REST6, LinkMemory, StepsOfLinks, answered, both, poses_of, pull_on, speeds, wrenches
 from .loads_of_links import loads
 from .on_all_bodies import UNITS, pulled_together
@@ -222,7 +214,6 @@ class RattleOfLinks(StepsOfLinks):
             else:
                 each(sites, mismatch_of_body, system, self.retraction, h, old, work)
                 each(sites, mismatch_of_joint, now, h, work, equations)
-                eliminated_again(system, equations)
             pulled_by_solution(system, sites, work, equations)
             each(sites, corrected, system, self.retraction, work, equations)
             length, whole, size, upright, inside = summed(system, work)

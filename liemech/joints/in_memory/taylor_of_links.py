@@ -27,15 +27,7 @@ from ...groups.rigid.se3 import SE3, join
 from ...integrators.taylor import total
 from ...systems.kinetic_energy import KineticEnergy, times
 from ...systems.lie_poisson import BodyState, LiePoissonSystem
-from .elimination import (
-    assembled,
-    eliminated_again,
-    free_answers,
-    pulled_by_solution,
-    require_multipliers,
-    save_answers,
-    scattered,
-)
+from .elimination import assembled, free_answers, pulled_by_solution, require_multipliers, save_answers, scattered
 from .links import PAIR, SIX, StepsOfLinks, both, pull_on, speeds
 
 ALONE = LiePoissonSystem(SE3(), KineticEnergy([1.0] * 6))
@@ -115,8 +107,6 @@ class TaylorOfLinks(StepsOfLinks):
                 each(sites, own_block, system, terms, work, equations)
                 assembled(system, sites, equations.sides, 1.0, 1.0, work, equations)
                 require_multipliers(system, work, equations)
-            else:
-                eliminated_again(system, equations)
             pulled_by_solution(system, sites, work, equations)
             each(sites, multiplied, k, terms, equations)
             each(sites, next_terms, h, k, terms, work)

@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import Any
 
 from ...compiler.numbers.square_blocks import block_at, lead_block, lessen_block, put_block, wide
-from ...formulas import Mat, Record, mat, record, vec
+from ...formulas import Record, mat, record, vec
 from ...formulas.elimination import inverted
 from ...formulas.sites import padded
 from ...formulas.tables import Table, of_whole, whole
@@ -59,9 +59,9 @@ class Elimination(Record):
 
 
 def factor(order: Elimination, sign: float, equations: Any, measure: Any = None) -> tuple[float, float, float]:
-    """Eliminate blocks, in place, and what they leave of the right sides; the first node whose equations depend on those
-    before it, or -1; 1, or -1 if the determinant has another sign than that of `sign` times a positive matrix; and the sum
-    of a `measure` of pivots, if there is one.
+    """Eliminate blocks, in place; the first node whose equations depend on those before it, or -1; 1, or -1 if the
+    determinant has another sign than that of `sign` times a positive matrix; and the sum of a `measure` of pivots, if there
+    is one.
     """
     blocks, n = equations.blocks, equations.residual.width
     dependent, same_sign, total = -1.0, 1.0, 0.0
@@ -77,7 +77,6 @@ def factor(order: Elimination, sign: float, equations: Any, measure: Any = None)
         if not independent and dependent < 0.0:
             dependent = float(k)
         put_block(blocks, BLOCKS * k, inverse)
-        pass_on(order, k, begin, end, inverse, equations)
         for b in range(begin, end):
             lead_block(blocks, whole(order.belows, 5 * b + 2), inverse)
         for b in range(begin, end):
@@ -88,30 +87,21 @@ def factor(order: Elimination, sign: float, equations: Any, measure: Any = None)
     return dependent, same_sign, total
 
 
-def substitute_forward(order: Elimination, equations: Any) -> None:
-    """Eliminate right sides, with the blocks as `factor` has left them."""
-    blocks, n = equations.blocks, equations.residual.width
-    for p in range(int(order.nodes)):
+def substitute(order: Elimination, equations: Any) -> None:
+    """Find solutions, with the blocks as `factor` has left them: forwards without those of later nodes, whose right sides
+    are lessened by them, and back from the last node to the first.
+    """
+    blocks, residual, solution = equations.blocks, equations.residual, equations.solution
+    count, n = int(order.nodes), residual.width
+    for p in range(count):
         k, begin, end = (whole(order.pivots, 3 * p + i) for i in range(3))
-        pass_on(order, k, begin, end, block_at(blocks, BLOCKS * k, n), equations)
-
-
-def pass_on(order: Elimination, k: int, begin: int, end: int, inverse: Mat, equations: Any) -> None:
-    """Set the solution of a node without those of later ones, whose right sides are lessened by it."""
-    residual, n = equations.residual, equations.residual.width
-    x = inverse @ residual.at(k)
-    equations.solution.put(k, x)
-    for b in range(begin, end):
-        i, left = whole(order.belows, 5 * b), whole(order.belows, 5 * b + 1)
-        residual.put(i, residual.at(i) - block_at(equations.blocks, left, n) @ x)
-
-
-def substitute_back(order: Elimination, equations: Any) -> None:
-    """Complete the solutions, from the last node to the first."""
-    solution, count, n = equations.solution, int(order.nodes), equations.residual.width
+        x = block_at(blocks, BLOCKS * k, n) @ residual.at(k)
+        solution.put(k, x)
+        for b in range(begin, end):
+            i, left = whole(order.belows, 5 * b), whole(order.belows, 5 * b + 1)
+            residual.put(i, residual.at(i) - block_at(blocks, left, n) @ x)
     for back in range(count):
         k, begin, end = (whole(order.pivots, 3 * (count - 1 - back) + i) for i in range(3))
         for b in range(begin, end):
             i, right = whole(order.belows, 5 * b), whole(order.belows, 5 * b + 2)
-            shared = block_at(equations.blocks, right, n) @ solution.at(i)
-            solution.put(k, solution.at(k) - shared)
+            solution.put(k, solution.at(k) - block_at(blocks, right, n) @ solution.at(i))

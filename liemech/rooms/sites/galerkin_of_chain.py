@@ -37,7 +37,7 @@ from ...integrators.solvability import CONTRACTION, INFINITY, LEAST, MOST, ROUND
 from ...integrators.variational import with_inertia
 from ...solvers import NOISE
 from ...systems.lie_poisson import BodyState
-from .block_elimination import BLOCKS, Elimination, factor, substitute_back, substitute_forward
+from .block_elimination import BLOCKS, Elimination, factor, substitute
 from .steps_together import StepsTogether, copied, grown_together, summed_over
 from .terms.terms_at_site import at_this_site
 
@@ -133,9 +133,7 @@ class GalerkinOfChain(StepsTogether):
                 each(sites, slopes_here, self, system, old, work)
                 each(sites, block_here, self, system, t, h, old, work)
                 factor(self.order, 1.0, work)
-            else:
-                substitute_forward(self.order, work)
-            substitute_back(self.order, work)
+            substitute(self.order, work)
             each(sites, corrected, system, old, work)
             length, whole, size = summed_over(work.squares, self.sites)
             count = count + 1.0
