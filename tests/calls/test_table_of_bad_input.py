@@ -31,15 +31,12 @@ MU = np.array([0.3, 0.4, 0.5])
 START = BODY.state(MU, np.eye(3))
 G, SE3, Q = lm.SO3(), lm.SE3(), lm.UnitQuaternions()
 TESTS = Path(__file__).parent.parent
-ROD = lm.RigidBody([1.0, 1.0, 1e-3])
 BAD_INPUT, ARCHIVE = "calls/test_bad_input.py", "simulation/test_archive.py"
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A row: calls that raise such an error, with such words; or that give what is true or finite;
-    or tests elsewhere.
-    """
+    """A row: calls that raise such an error, with such words; or that give what is true or finite; or tests elsewhere."""
 
     number: int
     what: str
@@ -182,9 +179,7 @@ def layouts() -> bool:
 
 
 def one_bad_member() -> bool:
-    """Of an ensemble one body overflows: it is named, the others have the bits that they have
-    without it.
-    """
+    """Of an ensemble one body overflows: it is named, the others have the bits that they have without it."""
     mu = np.tile(MU, (40, 1)) * np.linspace(1.0, 2.0, 40)[:, None]
     bad = mu.copy()
     bad[17] = 1e200

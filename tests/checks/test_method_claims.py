@@ -1,5 +1,4 @@
-"""Every shipped method keeps its claims, on a representative of every kind of system that it
-accepts: one table.
+"""Every shipped method keeps its claims, on a representative of every kind of system that it accepts: one table.
 
 `check_method` observes order, symmetry, brackets, and what is kept.  It finds a wrong claim and
 says the number.
@@ -106,12 +105,12 @@ def further() -> Iterator[lm.Method]:
     for retraction in (EXP, CAYLEY):
         yield from (lm.CovariantVariational(retraction), lm.LieVerlet(retraction))
         yield from (lm.GalerkinVariational(order=p, retraction=retraction) for p in (2, 4, 6, 8))
-        yield lm.LiePoissonHamiltonJacobi(2, retraction)
+        yield from (lm.LiePoissonHamiltonJacobi(p, retraction) for p in (2, 4, 6))
         yield lm.Composition(lm.CovariantVariational(retraction), order=4)
         yield from (lm.FirstKindHamiltonJacobi(order=p, retraction=retraction, scale=1.0) for p in (1, 2))
         yield lm.FirstKindHamiltonJacobi(order=2, retraction=retraction)
     yield lm.CovariantVariational(lm.CayleyAdjoint())
-    yield from (lm.LiePoissonHamiltonJacobi(p, EXP) for p in (6, 8))
+    yield lm.LiePoissonHamiltonJacobi(8, EXP)
     yield from (lm.FirstKindHamiltonJacobi(order=2, s0=s0, retraction=CAYLEY) for s0 in (TraceOfAd(), CayleySquare()))
     yield from (lm.HamiltonJacobi(p, adjoint) for p in (1, 2, 4, 6) for adjoint in (False, True))
     yield lm.SymmetricHamiltonJacobi(4)
@@ -163,16 +162,16 @@ def cases() -> Iterator[Any]:
                 method.require(system)
             except lm.errors.IncompatibleSystem:
                 continue
-            marks = [] if name in ("galaxy", "species") else [pytest.mark.slow]  # seconds, of bodies
+            quick = name in ("galaxy", "species") or (name == "free body" and not is_dear(method))
+            marks = [] if quick else [pytest.mark.slow]  # many seconds
             yield pytest.param(method, name, marks=marks, id=f"{method!r}-{name}")
 
 
 def is_dear(method: lm.Method) -> bool:
     """Is it so costly that one system must do?
 
-    The scale of a method of the first kind is chosen at the start.  On other groups than rotations
-    it is no function of Casimirs, so that steps from two starts belong to two methods, and the
-    bracket of their map is another one.
+    The scale of a method of the first kind is chosen at the start.  On other groups than rotations it is no function of
+    Casimirs, so that steps from two starts belong to two methods, and the bracket of their map is another one.
     """
     dear = lm.LiePoissonHamiltonJacobi, lm.GalerkinVariational, lm.HamiltonJacobi
     return isinstance(method, lm.FirstKindHamiltonJacobi) or (isinstance(method, dear) and method.order > 4)
@@ -198,12 +197,10 @@ def known_motions() -> Iterator[None]:
 KEPT = {"free body": "spatial momentum", "heavy top": "vertical momentum"}
 
 
-@pytest.mark.slow
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(("method", "name"), [*cases()])
 def test_claims(method: lm.Method, name: str) -> None:
-    """Order, symmetry, symplecticity as claimed; momenta of symmetries kept by what is made to keep
-    them.
-    """
+    """Order, symmetry, symplecticity as claimed; momenta of symmetries kept by what is made to keep them."""
     system, start = systems()[name]
     keeps = [KEPT[name]] if name in KEPT and (name == "free body" or method.symplectic) else []
     h = 0.3 if isinstance(method, lm.ExactMoserVeselov) else None
@@ -317,9 +314,7 @@ def test_what_is_said_to_be_kept_must_be_kept() -> None:
 
 @pytest.mark.slow
 def test_an_attitude_that_is_moved_by_something_else_is_found() -> None:
-    """g is moved from the other side: the spatial momentum changes, and the motion seen from
-    elsewhere.
-    """
+    """g is moved from the other side: the spatial momentum changes, and the motion seen from elsewhere."""
 
     @lm.record
     class WrongSide(lm.Method):
@@ -402,9 +397,7 @@ def test_what_cannot_be_checked_is_said() -> None:
 
 
 def test_iterates_that_grow_without_bound_are_no_convergence() -> None:
-    """With infinite stages no change was small beside them, and a step once led to momenta of
-    1e253.
-    """
+    """With infinite stages no change was small beside them, and a step once led to momenta of 1e253."""
     body, start = systems()["free body"]
     for h in (1.7720865943621886, 3.0):
         with pytest.raises(lm.errors.NoConvergence):

@@ -1,6 +1,4 @@
-"""Planted faults: each line of the table is a mistake as users make them, and the law that must be
-named.
-"""
+"""Planted faults: each line of the table is a mistake as users make them, and the law that must be named."""
 
 from __future__ import annotations
 
@@ -440,8 +438,6 @@ def test_points_that_are_no_numbers_are_refused_by_name() -> None:
 
 
 # ---------------------------------------------------------------- methods
-
-RUNGE = lm.RKMK(order=4)
 
 
 def spoilt(system: Any, state: Any, by: float) -> Any:

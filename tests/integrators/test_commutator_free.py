@@ -13,12 +13,10 @@ from scenes import (
     asymmetric_body,
     errors_at,
     hat,
-    kirchhoff_body,
     poisson_defect,
     rotation,
     same_bits,
     slope,
-    slow,
 )
 
 import liemech as lm
@@ -68,9 +66,7 @@ def test_there_are_as_many_words_as_ordered_forests() -> None:
 
 
 def test_weights_of_the_exact_motion() -> None:
-    """Those of exp for a constant velocity; and a product of two weights is the sum over all ways
-    to shuffle the words.
-    """
+    """Those of exp for a constant velocity; and a product of two weights is the sum over all ways to shuffle the words."""
     assert [flows.exact_weight(((),) * n) for n in (1, 2, 3, 4)] == pytest.approx([1, 1 / 2, 1 / 6, 1 / 24], rel=1e-15)
     for n in (1, 2, 3):
         for m in (1, 2, 3):
@@ -107,9 +103,7 @@ def test_the_sums_of_the_rows_are_classical(tableau: FlowTableau, classical: lm.
 
 
 def test_classical_conditions_do_not_suffice() -> None:
-    """Kutta's method with its rows as flows: of order 4 where all commutes, of order 2 where it
-    does not.
-    """
+    """Kutta's method with its rows as flows: of order 4 where all commutes, of order 2 where it does not."""
     rows = ((), ((1 / 2,),), ((0, 1 / 2),), ((0, 0, 1),), ((1 / 6, 1 / 3, 1 / 3, 1 / 6),))
     with pytest.raises(lm.errors.LawViolation, match=r"the word \. \[\.\]|the word \[\.\] \."):
         FlowTableau("naive", 3, rows)
@@ -161,16 +155,6 @@ def test_a_tableau_of_fractions() -> None:
 # ---------------------------------------------------------------- orders
 
 
-@by_name
-@pytest.mark.parametrize("t_end", [slow(2.0), -2.0])
-def test_order_of_momentum_and_attitude(method: CommutatorFree, t_end: float) -> None:
-    body, start = asymmetric_body()
-    counts = COUNTS[method.order]
-    for error in errors_at(body, method, start, t_end, counts):
-        assert error.min() > 1e-13
-        assert slope([1 / n for n in counts], error) == pytest.approx(method.order, abs=0.1)
-
-
 @lm.record
 class SteeredInverse(Steered):
     """The motion of the inverse of `Steered`: k = g^-1 has k' = -xi(t, k^-1) k."""
@@ -201,21 +185,6 @@ def reference(kind: type[Steered], t_end: float) -> np.ndarray:
     )
 
 
-@pytest.mark.slow
-@by_name
-@pytest.mark.parametrize("kind", [Steered, slow(SteeredFromSpace)], ids=["body", "space"])
-def test_order_of_a_driven_equation(method: CommutatorFree, kind: type[Steered]) -> None:
-    system, counts = kind(lm.SO3()), [2 * n for n in COUNTS[method.order]]
-    error = [
-        np.abs(
-            lm.integrate(system, method, system.state(ATTITUDE), h=2.0 / n, steps=n).g[-1] - reference(kind, 2.0)
-        ).max()
-        for n in counts
-    ]
-    assert min(error) > 3e-13
-    assert slope([1 / n for n in counts], error) == pytest.approx(method.order, abs=0.1)
-
-
 @pytest.mark.parametrize("method", METHODS[2:], ids=lambda m: m.name)
 def test_order_on_a_heavy_top(method: CommutatorFree) -> None:
     """Momentum and pose, against a converged run of another method; two Casimirs and the spatial
@@ -235,27 +204,11 @@ def test_order_on_a_heavy_top(method: CommutatorFree) -> None:
         assert slope([1 / n for n in counts], error) == pytest.approx(method.order, abs=0.1)
 
 
-@pytest.mark.slow
-@by_name
-def test_order_on_a_body_in_a_fluid(method: CommutatorFree) -> None:
-    """Momentum and pose of a Kirchhoff body on SE(3), against 20 digits."""
-    body, start, later = kirchhoff_body()
-    t, mu, g = later[2]
-    counts = COUNTS[method.order]
-    runs = [lm.integrate(body, method, start, h=t / n, steps=n) for n in counts]
-    for error in ([np.abs(run.mu[-1] - mu).max() for run in runs], [np.abs(run.g[-1] - g).max() for run in runs]):
-        assert min(error) > 1e-12
-        assert slope([1 / n for n in counts], error) == pytest.approx(method.order, abs=0.1)
-
-
-# ---------------------------------------------------------------- what they are where they can be
-# something else
+# ---------------------------------------------------------------- what they are where they can be something else
 
 
 def test_a_fifth_velocity_makes_errors_smaller() -> None:
-    """Carpenter and Kennedy against CF4: by 50 for a free body, by less where it is driven; 2.4
-    would be equal work.
-    """
+    """Carpenter and Kennedy against CF4: by 50 for a free body, by less where it is driven; 2.4 would be equal work."""
     body, start = asymmetric_body()
     cf4, ck4 = (errors_at(body, CommutatorFree(tableau=t), start, 2.0, [40]) for t in (CF4, CARPENTER_KENNEDY4))
     assert 20 * np.max(ck4) < np.min(cf4)
@@ -270,9 +223,7 @@ def test_a_fifth_velocity_makes_errors_smaller() -> None:
 @pytest.mark.sample(4)
 @by_name
 def test_a_motion_and_its_inverse(method: CommutatorFree) -> None:
-    """g' = g xi and the equation of g^-1, with its velocity in space: step by step inverse to each
-    other.
-    """
+    """g' = g xi and the equation of g^-1, with its velocity in space: step by step inverse to each other."""
     body, space = Steered(lm.SO3()), SteeredInverse(lm.SO3())
     there = lm.integrate(body, method, body.state(ATTITUDE), h=0.2, steps=12)
     inverse = lm.integrate(space, method, space.state(ATTITUDE.T), h=0.2, steps=12)
@@ -361,18 +312,6 @@ def test_the_bracket_is_not_kept() -> None:
     defects = [poisson_defect(body, CommutatorFree(order=4), np.array(start.mu), step) for step in h]
     assert defects[0] > 1e-8
     assert slope(h, defects) == pytest.approx(5.0, abs=0.4)
-
-
-@pytest.mark.slow
-@by_name
-@pytest.mark.compiled
-def test_native_code_gives_the_same_bits(method: CommutatorFree) -> None:
-    (body, start), steered = asymmetric_body(), SteeredFromSpace(lm.SO3())
-    for system, at in ((body, start), (steered, steered.state(ATTITUDE))):
-        plain, native = (lm.integrate(system, method, at, h=0.3, steps=40, compiled=c) for c in (False, True))
-        assert native.compiled
-        assert same_bits(plain.g, native.g)
-        assert system is steered or same_bits(plain.mu, native.mu)
 
 
 @pytest.mark.sample(3)

@@ -1,6 +1,4 @@
-"""Hamilton-Jacobi methods in R^2n: the generating function itself, the order of the steps, and what
-they keep.
-"""
+"""Hamilton-Jacobi methods in R^2n: the generating function itself, the order of the steps, and what they keep."""
 
 from __future__ import annotations
 
@@ -27,9 +25,7 @@ if TYPE_CHECKING:
 
 @record
 class Curved(HamiltonianSystem):
-    """One degree of freedom, not separable, not even in p: an energy, whose derivatives are
-    derived.
-    """
+    """One degree of freedom, not separable, not even in p: an energy, whose derivatives are derived."""
 
     degrees: ClassVar[int] = 1
 
@@ -64,9 +60,7 @@ def step(system: HamiltonianSystem, method: lm.Method, h: float, q: Any, p: Any)
 
 
 def errors(system: HamiltonianSystem, method: lm.Method, t_end: float, counts: tuple[int, ...]) -> list[float]:
-    """The largest error on the way to t_end for these numbers of steps, against a Taylor method of
-    order 14.
-    """
+    """The largest error on the way to t_end for these numbers of steps, against a Taylor method of order 14."""
     first = min(counts)
     fine = lm.integrate(
         system, lm.Taylor(14), STARTS[system], h=t_end / first / 4, steps=4 * first, every=4, compiled=True
@@ -277,35 +271,6 @@ def test_angular_momentum_is_kept() -> None:
 # ------------------------------------------------------------------ native code
 
 
-@pytest.mark.slow
-@pytest.mark.compiled
-@pytest.mark.parametrize(
-    ("system", "method"),
-    [
-        (PENDULUM, HamiltonJacobi(1)),
-        (CURVED, HamiltonJacobi(4)),
-        (DOUBLE, HamiltonJacobi(3, adjoint=True)),
-        (GALAXY, HamiltonJacobi(5)),
-        (Kepler(), HamiltonJacobi(2)),
-    ],
-    ids=lambda x: type(x).__name__,
-)
-def test_plain_native_and_ensemble_runs_have_the_same_bits(
-    system: HamiltonianSystem, method: HamiltonJacobi, rng: np.random.Generator
-) -> None:
-    start, h, n = STARTS[system], STEPS[system], system.degrees
-    many = system.state(
-        np.array(start.q) + 0.1 * rng.normal(size=(5, n)), np.array(start.p) + 0.1 * rng.normal(size=(5, n))
-    )
-    alone = system.state(many.q[3], many.p[3])
-    plain = lm.integrate(system, method, alone, h=h, steps=20, compiled=False)
-    native = lm.integrate(system, method, alone, h=h, steps=20, compiled=True)
-    cloud = lm.integrate(system, method, many, h=h, steps=20, compiled=True)
-    for a, b, c in ((plain.q, native.q, cloud.q), (plain.p, native.p, cloud.p)):
-        assert same_bits(a, b)
-        assert same_bits(a, np.ascontiguousarray(c[:, 3]))
-
-
 # ------------------------------------------------------------------ refusals
 
 
@@ -427,9 +392,7 @@ def test_a_step_is_that_of_the_state_alone() -> None:
 @pytest.mark.slow
 @pytest.mark.compiled
 def test_a_million_steps() -> None:
-    """The error of the energy has no slope: windows of 10^5 steps have the same largest error, to a
-    hundredth.
-    """
+    """The error of the energy has no slope: windows of 10^5 steps have the same largest error, to a hundredth."""
     for system, h in ((PENDULUM, 0.1), (GALAXY, 0.2)):
         run = lm.integrate(system, HamiltonJacobi(4), STARTS[system], h=h, steps=10**6, every=7)
         away = np.abs(run.energy - run.energy[0])[: 10 * (len(run) // 10)].reshape(10, -1).max(axis=1)

@@ -143,6 +143,7 @@ def test_methods_with_derivatives_are_the_same_small_and_large(method: Any, monk
     assert np.abs(final() - small).max() < 2e-15
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "order"),
     [
@@ -442,6 +443,7 @@ class Driven(lm.LinearGroupEquation):
         return lm.formulas.sin(t) * self.a + lm.formulas.cos(2.0 * t) * self.b
 
 
+@pytest.mark.slow
 def test_magnus_on_a_large_group() -> None:
     group = lm.SO(14)
     system = Driven(group, *(0.08 * np.random.default_rng(1).normal(size=(2, group.dim))))

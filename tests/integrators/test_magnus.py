@@ -1,6 +1,4 @@
-"""Magnus methods: orders for driven equations seen from the body and from space, symmetry, and what
-is exact.
-"""
+"""Magnus methods: orders for driven equations seen from the body and from space, symmetry, and what is exact."""
 
 from __future__ import annotations
 
@@ -164,9 +162,7 @@ def test_there_and_back_again(method: Magnus, kind: type[Driven]) -> None:
 
 
 def test_velocities_that_commute_are_integrated_to_the_degree_of_gauss() -> None:
-    """About one axis the brackets vanish, and what is left is a quadrature: exact for polynomials
-    of degree order - 1.
-    """
+    """About one axis the brackets vanish, and what is left is a quadrature: exact for polynomials of degree order - 1."""
 
     @lm.record
     class OneAxis(LinearGroupEquation):
@@ -194,18 +190,6 @@ def test_order_two_is_the_midpoint_rule_and_all_stay_on_the_group(method: Magnus
     if method.order == 2:
         midpoint = lm.integrate(system, CommutatorFree(order=2), system.state(ATTITUDE), h=0.3, steps=200)
         assert same_bits(run.g, midpoint.g)
-
-
-@by_name
-@KINDS
-@pytest.mark.compiled
-def test_native_code_gives_the_same_bits(method: Magnus, kind: type[Driven]) -> None:
-    system = kind(lm.SO3())
-    plain, native = (
-        lm.integrate(system, method, system.state(ATTITUDE), h=0.3, steps=100, compiled=c) for c in (False, True)
-    )
-    assert native.compiled
-    assert same_bits(plain.g, native.g)
 
 
 # ---------------------------------------------------------------- the face

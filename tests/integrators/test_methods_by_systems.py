@@ -3,11 +3,13 @@
 `METHODS` of `shipped.py`, and one table of systems; what wraps a body (damping, noise, a load, an input, another
 time, held sites, a constraint) is among the systems.  A pair is refused as IncompatibleSystem, or the
 method converges to the motion: beside SciPy's DOP853 for bodies that turn, whose equations are written
-here again, beside small steps of another method else.
+here again, beside small steps of another method else.  Native code of a pair, of one body and of several in lanes, has the
+bits of plain Python.
 """
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import itertools
 import warnings
@@ -18,7 +20,7 @@ import numpy as np
 import pytest
 from scenes import Driven, Relativistic, Steered
 from scipy.integrate import solve_ivp
-from shipped import BODY, END, METHODS, MU, R
+from shipped import BODY, CLASSICAL, COMPOSED, END, METHODS, MU, RIGID, R
 
 import liemech as lm
 from liemech.errors import IncompatibleSystem, InvalidInput
@@ -584,3 +586,86 @@ def test_many_bodies_that_are_damped_or_driven_by_noise(sites: int) -> None:
     noisy = lm.Stochastic(bodies, fields=[[0.5, 0.0, 0.0]])
     with pytest.raises(IncompatibleSystem):
         lm.integrate(noisy, lm.WongZakai(lm.ExactFreeBody()), noisy.state(mu=mu), h=0.1, steps=1, compiled=False)
+
+
+# ---------------------------------------------------------------- the same bits in native code
+
+
+def _turning_on(group: Any) -> tuple[Any, Any]:
+    system = lm.LiePoissonSystem(group, lm.KineticEnergy(np.linspace(1.0, 2.0, group.dim)))
+    return _started(system, mu=np.linspace(-0.5, 0.4, group.dim), g=group.exp(np.linspace(0.3, -0.2, group.dim)))
+
+
+ON_GROUPS = {
+    f"on {group!r}": functools.partial(_turning_on, group) for group in (*RIGID, *CLASSICAL, *COMPOSED) if group.dim < 9
+}
+EXP, CAYLEY = lm.Exponential(), lm.Cayley()
+FURTHER = [
+    *((name, lm.RKMK(order=4)) for name in ON_GROUPS),
+    *((name, lm.CovariantVariational(EXP)) for name in ON_GROUPS),
+    *((f"on {group!r}", lm.CovariantVariational(CAYLEY)) for group in (lm.SE2(), lm.SE3(), lm.SU(2), COMPOSED[1])),
+    *((f"on {group!r}", lm.CovariantVariational(lm.CayleyAdjoint())) for group in (lm.SE2(), lm.SE3())),
+    *((f"on {group!r}", lm.RKMK(order=4, truncation="closed")) for group in (lm.SE2(), lm.SE3())),
+    *(("free", method) for method in (lm.LiePoissonHamiltonJacobi(6, EXP), lm.Composition(lm.ThreeRotations(), order=8))),
+    *(("free", lm.FirstKindHamiltonJacobi(order, tau)) for order, tau in ((4, EXP), (2, CAYLEY))),
+    *(("driven, in a field", lm.GalerkinVariational(4, tau)) for tau in (EXP, CAYLEY)),
+    *(("in space, falling", method) for method in (lm.KickDrift(), lm.LieVerlet(CAYLEY), lm.RKMK(order=4))),
+    *(("under a load", method) for method in (lm.RKMK(order=4), lm.KickDrift(order=4), lm.LieVerlet())),
+    *((name, lm.Magnus(order=6)) for name in ("on rotations, driven",)),
+    *(("on rotations, steered", method) for method in (lm.CommutatorFree(order=3), lm.CrouchGrossman(order=4))),
+    *(("canonical", method) for method in (lm.RKMK(order=4), lm.HamiltonJacobi(3, adjoint=True))),
+    *(("canonical, driven", method) for method in (lm.HamiltonJacobi(2), lm.SymmetricHamiltonJacobi(2, "qQ"))),
+    *(("planet", method) for method in (lm.HamiltonJacobi(2), lm.Splitting(order=6), lm.StormerVerlet())),
+    *(("of momentum and place", method) for method in (lm.RKMK(order=4), lm.SymplecticRKMK(order=4))),
+    *(("multirate", lm.MultipleTimeSteps(ratios, mollified=soft)) for ratios, soft in (((40,), False), ((4,), True))),
+    *((name, lm.Splitting(order=4)) for name in ("charged", "Poisson", "constrained, of parts")),
+    ("planet, logarithmic", lm.Splitting(order=4, quadratic=False)),
+    *((name, lm.RKMK(order=4)) for name in ("of velocity and place", "a field of vectors", "on the sphere", "masses, one held")),
+    ("another time", lm.RKMK(order=2)),
+    ("a linkage", lm.LieRATTLE()),
+]  # fmt: skip
+"""Pairs beside those of every method with the system of which it is the turn."""
+
+
+@functools.cache
+def native_pairs() -> dict[lm.Method, str]:
+    """Of every method the system, among those that it moves, which fewest methods before it have."""
+    systems, taken, chosen = {name: make()[0] for name, make in SYSTEMS.items()}, dict.fromkeys(SYSTEMS, 0), {}
+    for method in METHODS:
+        moved = []
+        for name, system in systems.items():
+            with contextlib.suppress(IncompatibleSystem):
+                method.require(system)
+                moved.append(name)
+        if moved:
+            chosen[method] = min(moved, key=taken.__getitem__)
+            taken[chosen[method]] += 1
+    return chosen
+
+
+@pytest.mark.compiled
+@pytest.mark.sample(6)
+@pytest.mark.parametrize(("name", "method"), [*((None, method) for method in METHODS), *FURTHER], ids=repr)
+def test_native_code_has_the_bits_of_plain_python(name: str | None, method: lm.Method) -> None:
+    """One body alone, and the second of three in lanes."""
+    name = name or native_pairs().get(method)
+    if name is None:
+        pytest.skip("moves sites, or bodies of which there is none in the table")
+    system, start = {**SYSTEMS, **ON_GROUPS}[name]()
+    timed = system.fictive or method.fictive
+
+    def run(begin: Any, compiled: bool) -> Any:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            span = {"t_end": END} if timed else {"steps": 4}
+            return lm.integrate(system, method, begin, h=END / 6, compiled=compiled, progress=False, **span)
+
+    moving = next(part for part in (*("mu", "p", "y", "x", "g"), *start.parts) if part in start.parts)
+    several = {part: np.stack([x, x, x]) for part, x in start.arrays.items()}
+    if moving in ("mu", "p", "y"):
+        several[moving] *= np.reshape([0.9, 1.0, 1.1], (3, *[1] * (several[moving].ndim - 1)))
+    plain, native, lanes = run(start, False), run(start, True), run(type(start)(**several), True)
+    assert native.compiled and lanes.compiled and not plain.compiled
+    for part, values in {"t": plain.t, **plain.states}.items():
+        assert np.array_equal(values, native.t if part == "t" else native.states[part]), part
+        assert part == "t" or timed or np.array_equal(values, lanes.states[part][:, 1]), part

@@ -1,6 +1,4 @@
-"""Splittings of T(p) + V(q): orders, equivalences, what is kept, and how a system says that it is
-separable.
-"""
+"""Splittings of T(p) + V(q): orders, equivalences, what is kept, and how a system says that it is separable."""
 
 from __future__ import annotations
 
@@ -157,9 +155,7 @@ def test_lie_verlet_on_a_vector_space_is_stormer_verlet() -> None:
 
 
 def test_the_modified_energy_of_an_oscillator_is_constant() -> None:
-    """p^2 + w^2 q^2 (1 - h^2 w^2/4), for kicks first, exactly; its form is definite below h w = 2
-    only (HLW I.5.2).
-    """
+    """p^2 + w^2 q^2 (1 - h^2 w^2/4), for kicks first, exactly; its form is definite below h w = 2 only (HLW I.5.2)."""
     system = Oscillator(3.0)
     for h in (0.1, 0.6, 0.66):
         run = plain(system, lm.StormerVerlet(), system.state(1.0, 0.5), h, 200)
@@ -175,19 +171,6 @@ def test_angular_momentum_is_kept_to_rounding(method: lm.Method) -> None:
     momentum = run.q[:, 0] * run.p[:, 1] - run.q[:, 1] * run.p[:, 0]
     assert np.abs(momentum - 0.8).max() < 1e-14
     assert np.ptp(run.energy) > 1e-9
-
-
-@pytest.mark.slow
-@pytest.mark.compiled
-def test_native_lanes_and_plain_are_one() -> None:
-    q = np.linspace(0.05, 0.2, 10)[:, None] * [1.0, -0.7]
-    many = GALAXY.state(q, [0.3, 0.1])
-    for method in (lm.StormerVerlet(), lm.Splitting(order=6)):
-        native, python = (lm.integrate(GALAXY, method, many, h=0.1, steps=30, compiled=c) for c in (True, False))
-        assert same_bits(native.q, python.q)
-        assert same_bits(native.p, python.p)
-        alone = lm.integrate(GALAXY, method, GALAXY.state(q[7], [0.3, 0.1]), h=0.1, steps=30, compiled=True)
-        assert same_bits(native.q[:, 7], alone.q)
 
 
 @pytest.mark.slow
@@ -210,9 +193,7 @@ def test_compensated_sums_find_the_way_back() -> None:
 
 @pytest.mark.slow
 def test_time_as_a_coordinate() -> None:
-    """A driven pendulum: time advances by h, orders are those of autonomous motions, H + e is
-    constant up to the error.
-    """
+    """A driven pendulum: time advances by h, orders are those of autonomous motions, H + e is constant up to the error."""
 
     @record
     class Swing(lm.SeparableSystem):
@@ -242,8 +223,7 @@ def test_time_as_a_coordinate() -> None:
         assert np.log2(errors[0] / errors[1]) == pytest.approx(method.order, abs=0.5)
 
 
-# ---------------------------------------------------------------- how a system says that it is
-# separable
+# ---------------------------------------------------------------- how a system says that it is separable
 
 
 def test_derivatives_that_nobody_wrote_are_those_in_closed_form(rng: np.random.Generator) -> None:

@@ -161,17 +161,6 @@ def test_native_code_gives_the_bits_of_plain_python(name: str) -> None:
     assert same_bits(plain, native)
 
 
-@pytest.mark.slow
-@pytest.mark.compiled
-def test_an_ensemble_gives_the_bits_of_each_of_its_bodies() -> None:
-    body, rng = lm.RigidBody([1.0, 1.5, 2.0]), np.random.default_rng(0)
-    many = body.state(rng.normal(size=(20, 3)), lm.SO3().random(rng, 20))
-    run = lm.integrate(body, Taylor(order=6), many, h=0.2, steps=5, compiled=True)
-    for i in (0, 7, 19):
-        one = lm.integrate(body, Taylor(order=6), body.state(many.mu[i], many.g[i]), h=0.2, steps=5, compiled=False)
-        assert same_bits(one.mu[-1], run.mu[-1, i]) and same_bits(one.g[-1], run.g[-1, i])
-
-
 @pytest.mark.compiled
 def test_where_takes_the_side_on_which_the_step_starts() -> None:
     @record

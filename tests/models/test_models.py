@@ -138,23 +138,6 @@ def test_kirchhoffs_body_follows_the_reference() -> None:
         assert np.abs(run.g[k, :3, 3] - numbers(at["x"])).max() < 1e-11
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "retraction", [lm.Exponential(), lm.Cayley(), lm.CayleyAdjoint()], ids=lambda r: type(r).__name__
-)
-def test_order_two_on_kirchhoffs_body(retraction: lm.Retraction) -> None:
-    body, start = kirchhoff()
-    at = KIRCHHOFF["samples"][2]
-    counts, errors = (80, 160, 320), []
-    for n in counts:
-        run = lm.integrate(body, lm.CovariantVariational(retraction), start, h=2 / n, steps=n)
-        errors.append(
-            [np.abs(run.mu[-1][:3] - numbers(at["Pi"])).max(), np.abs(run.g[-1, :3, 3] - numbers(at["x"])).max()]
-        )
-    for error in np.array(errors).T:
-        assert slope([2 / n for n in counts], error) == pytest.approx(2.0, abs=0.1)
-
-
 def test_blocks_of_the_inertia() -> None:
     D = np.array([[0.1, 0.0, 0.05], [0.0, -0.1, 0.0], [0.02, 0.0, 0.0]])
     body = KirchhoffBody.of_blocks([1.0, 1.6, 2.3], [1.0, 1.1, 1.2], D)

@@ -137,17 +137,6 @@ def test_its_end_is_a_rest_axis() -> None:
     assert np.abs(mu - [0.0, 0.0, 1.0]).max() < 1e-10  # most entropy at this energy: the largest moment
 
 
-@pytest.mark.slow
-@pytest.mark.compiled
-@pytest.mark.parametrize("of", [relaxing, heating])
-def test_same_bits(of: object) -> None:
-    system, start = of()
-    runs = [
-        lm.integrate(system, lm.DiscreteGradient(), start, h=0.2, steps=30, compiled=native) for native in (False, True)
-    ]
-    assert np.array_equal(runs[0].states[system.part], runs[1].states[system.part])
-
-
 @lm.record
 class Symmetric(lm.Friction):
     """A form that is not skew."""

@@ -422,15 +422,6 @@ def test_derivatives_backwards_are_those_of_the_motion() -> None:
 # ---------------------------------------------------------------- refusals
 
 
-def test_lanes_have_the_bits_of_single_runs() -> None:
-    momenta = MU0 + 0.1 * np.random.default_rng(2).normal(size=(5, 3))
-    for method in (lm.RKMK(order=4), lm.SymplecticRKMK(4)):
-        many = lm.integrate(BODY, method, BODY.state(momenta, G0), h=0.1, steps=3)
-        for i, mu in enumerate(momenta):
-            one = lm.integrate(BODY, method, BODY.state(mu, G0), h=0.1, steps=3, compiled=False)
-            assert np.array_equal(one.mu[-1], many.mu[-1, i]) and np.array_equal(one.g[-1], many.g[-1, i])
-
-
 def test_what_is_missing_is_named() -> None:
     @lm.record
     class Nowhere(lm.CotangentSystem):

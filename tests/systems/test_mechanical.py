@@ -1,6 +1,4 @@
-"""Bodies in fields of force: forces against their definition, Lie-Verlet's order and structure, and
-the motion on T*G.
-"""
+"""Bodies in fields of force: forces against their definition, Lie-Verlet's order and structure, and the motion on T*G."""
 
 from __future__ import annotations
 
@@ -14,7 +12,6 @@ from scenes import (
     LAGRANGE,
     TOP,
     falling_body,
-    hat,
     heavy_top,
     lagrange_top,
     named,
@@ -23,7 +20,6 @@ from scenes import (
     rotation,
     same_bits,
     slope,
-    slow,
 )
 
 import liemech as lm
@@ -38,19 +34,12 @@ from liemech.systems.potential import Force, NoPotential, Potential
 
 VERLET = LieVerlet()
 VERLET_CAYLEY = LieVerlet(lm.Cayley())
-BOTH = pytest.mark.parametrize("method", [VERLET, VERLET_CAYLEY], ids=named)
 METHODS = pytest.mark.parametrize("method", [VERLET, VERLET_CAYLEY, KickDrift()], ids=named)
-
-
-SCENES = {f.__name__: f for f in (heavy_top, lagrange_top, falling_body, orbiting_body)}
-EVERYWHERE = pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
 
 
 @lm.record
 class Magnet(Potential):
-    """A body axis that likes to point along a direction in space, more and more so: V = -k
-    exp(a . g b).
-    """
+    """A body axis that likes to point along a direction in space, more and more so: V = -k exp(a . g b)."""
 
     strength: float
     axis: lm.Vec
@@ -86,9 +75,7 @@ POTENTIALS = [
 
 @pytest.mark.parametrize(("group", "potential"), POTENTIALS, ids=lambda x: type(x).__name__)
 def test_forces_are_what_they_are_defined_to_be(group: lm.LieGroup, potential: Potential) -> None:
-    """<f, eta> = -d/ds V(g exp(s eta)), by central differences extrapolated, and the derived one to
-    rounding.
-    """
+    """<f, eta> = -d/ds V(g exp(s eta)), by central differences extrapolated, and the derived one to rounding."""
     rng = np.random.default_rng(3)
     for _ in range(3):
         g = lm.Mat.of(array) if (array := group.random(rng)).ndim == 2 else lm.Vec.of(array)
@@ -147,38 +134,6 @@ def test_order_two_against_the_reference(method: lm.Method, scene: Any, numbers_
         errors.append([np.abs(p).max() for p in (*parts, *([run.g[-1] - numbers(at["R"])] if "R" in at else []))])
     for error in np.array(errors).T:
         assert slope([2.0 / n for n in counts], error) == pytest.approx(2.0, abs=0.1)
-
-
-@pytest.mark.slow
-@BOTH
-@EVERYWHERE
-def test_order_two_of_momentum_and_configuration(method: LieVerlet, scene: Any) -> None:
-    """Against RKMK on T*G with a step so small that it is exact beside them."""
-    system, start = scene()
-    exact = lm.integrate(system, lm.RKMK(order=6), start, h=1 / 40, steps=40, compiled=False)
-    counts, errors = (40, 80, 160), []
-    for n in counts:
-        run = lm.integrate(system, method, start, h=1 / n, steps=n, compiled=False)
-        errors.append([np.abs(run.mu[-1] - exact.mu[-1]).max(), np.abs(run.g[-1] - exact.g[-1]).max()])
-    for error in np.array(errors).T:
-        assert slope([1 / n for n in counts], error) == pytest.approx(2.0, abs=0.1)
-
-
-@pytest.mark.slow
-def test_rkmk_has_its_order_on_the_cotangent_group() -> None:
-    top, start = heavy_top()
-    at = TOP["samples"][2]
-    for order, counts in ((2, (80, 160, 320)), (4, (20, 40, 80)), (6, (20, 40, 80))):
-        errors = []
-        for n in counts:
-            run = lm.integrate(top, lm.RKMK(order=order), start, h=2.0 / n, steps=n)
-            errors.append(
-                max(np.abs(run.mu[-1] - numbers(at["pi"])).max(), np.abs(run.g[-1][2] - numbers(at["Gamma"])).max())
-            )
-        assert slope([1.0 / n for n in counts], errors) == pytest.approx(order, abs=0.2)
-    run = lm.integrate(top, lm.RKMK(order=8), start, h=0.05, steps=200)
-    last = TOP["samples"][4]
-    assert np.abs(run.mu[-1] - numbers(last["pi"])).max() < 1e-11
 
 
 def test_adaptive_steps_in_a_field() -> None:
@@ -240,53 +195,6 @@ def test_symmetries_of_gravity_in_space() -> None:
             assert report[name].largest < 3e-12
 
 
-@pytest.mark.sample(3)
-@METHODS
-@EVERYWHERE
-def test_a_way_back_undoes_a_way(method: lm.Method, scene: Any) -> None:
-    system, start = scene()
-    away = lm.integrate(system, method, start, h=0.05, steps=40, compiled=False)
-    home = lm.integrate(system, method, away.last, h=-0.05, steps=40, compiled=False)
-    size = max(1.0, float(np.abs(away.mu).max()), float(np.abs(away.g).max()))
-    assert np.abs(home.mu[-1] - np.array(start.mu)).max() < 1e-12 * size
-    assert np.abs(home.g[-1] - np.array(start.g)).max() < 1e-12 * size
-
-
-@METHODS
-def test_the_canonical_form_is_kept(method: lm.Method) -> None:
-    """phi' on T*G pulls the form <dmu, eta> - ... = [[-hat(mu), -1], [1, 0]] of left trivialisation
-    back to itself.
-    """
-    top, start = heavy_top()
-    h, group = 0.2, top.configurations
-    mu0, g0 = np.array(start.mu), np.array(start.g)
-
-    def step(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        run = lm.integrate(
-            top, method, top.state(mu0 + x[3:], group.compose(g0, group.exp(x[:3]))), h=h, steps=1, compiled=False
-        )
-        return run.mu[1], run.g[1]
-
-    mu1, g1 = step(np.zeros(6))
-
-    def derivative(e: float) -> np.ndarray:
-        columns = []
-        for unit in np.eye(6):
-            (ma, ga), (mb, gb) = step(e * unit), step(-e * unit)
-            turned = (group.log(g1.T @ ga) - group.log(g1.T @ gb)) / (2 * e)
-            columns.append(np.r_[turned, (ma - mb) / (2 * e)])
-        return np.array(columns).T
-
-    def form(mu: np.ndarray) -> np.ndarray:
-        """Omega((eta, a), (zeta, b)) = b.eta - a.zeta + mu.(eta x zeta), minus the differential of
-        <mu, g^-1 dg>.
-        """
-        return np.block([[-hat(mu), np.eye(3)], [-np.eye(3), np.zeros((3, 3))]])
-
-    D = (4 * derivative(1e-3) - derivative(2e-3)) / 3
-    assert np.abs(D.T @ form(mu1) @ D - form(mu0)).max() < 1e-9
-
-
 @lm.record
 class Overlap(Potential):
     """V(g) = tr(a^T g), on any group of matrices."""
@@ -331,19 +239,6 @@ def test_other_methods_for_equations_on_groups() -> None:
             run = lm.integrate(top, method, start, h=2.0 / n, steps=n)
             errors.append(np.abs(run.mu[-1] - numbers(TOP["samples"][2]["pi"])).max())
         assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.2)
-
-
-def test_compositions_of_lie_verlet() -> None:
-    """Symmetric of order 2, so five steps of Suzuki's lengths make one of order 4."""
-    from liemech.integrators.composition import Composition
-
-    top, start = heavy_top()
-    errors = []
-    for n in (20, 40):
-        run = lm.integrate(top, Composition(VERLET, order=4), start, h=2.0 / n, steps=n)
-        errors.append(np.abs(run.mu[-1] - numbers(TOP["samples"][2]["pi"])).max())
-    assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.1)
-    assert run.drift()["vertical momentum"].verdict == "exact"
 
 
 @pytest.mark.slow
@@ -419,60 +314,10 @@ def test_friction_takes_what_it_does_in_work() -> None:
     assert "no constants" in str(run.drift())
 
 
-@pytest.mark.slow
-@pytest.mark.compiled
-def test_loads_compile() -> None:
-    system, start = loaded_top()
-    for method in (VERLET, lm.RKMK(order=4)):
-        plain, native = (lm.integrate(system, method, start, h=0.1, steps=40, compiled=c) for c in (False, True))
-        assert same_bits(plain.mu, native.mu)
-        assert same_bits(plain.g, native.g)
-
-
 # ---------------------------------------------------------------- plain, compiled, many
 
 
-PAIRS = [(method, scene) for method in (VERLET, VERLET_CAYLEY, KickDrift()) for scene in SCENES.values()]
-QUICK = ((VERLET, lagrange_top), (VERLET, falling_body), (VERLET_CAYLEY, heavy_top), (KickDrift(), orbiting_body))
 """Every method and every scene; all pairs are slow."""
-
-
-@pytest.mark.compiled
-@pytest.mark.parametrize(
-    ("method", "scene"),
-    [pair if pair in QUICK else slow(*pair) for pair in PAIRS],
-    ids=lambda x: x.name if isinstance(x, lm.Method) else x.__name__,
-)
-def test_plain_and_compiled_runs_are_equal(method: lm.Method, scene: Any) -> None:
-    system, start = scene()
-    plain, native = (lm.integrate(system, method, start, h=0.1, steps=40, compiled=c) for c in (False, True))
-    assert native.compiled
-    assert same_bits(plain.mu, native.mu)
-    assert same_bits(plain.g, native.g)
-
-
-@pytest.mark.slow
-@pytest.mark.compiled
-def test_rkmk_on_the_cotangent_group_compiles() -> None:
-    top, start = heavy_top()
-    plain, native = (lm.integrate(top, lm.RKMK(order=4), start, h=0.1, steps=40, compiled=c) for c in (False, True))
-    assert same_bits(plain.mu, native.mu)
-    assert same_bits(plain.g, native.g)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
-def test_ensembles_are_single_runs(compiled: bool) -> None:
-    rng = np.random.default_rng(6)
-    magnet = MechanicalSystem(lm.RigidBody([1.0, 1.5, 0.7]), Magnet(0.7, [0.0, 0.6, 0.8], [1.0, 0.0, 0.5]))
-    for system in (magnet,) if compiled else (heavy_top()[0], magnet):
-        mu, g = rng.normal(size=(5, 3)), lm.SO3().random(rng, 5)
-        many = lm.integrate(system, VERLET, system.state(mu, g), h=0.1, steps=20, compiled=compiled)
-        assert many.drift()["energy"].verdict in ("bounded", "drifting")
-        for i in range(5):
-            one = lm.integrate(system, VERLET, system.state(mu[i], g[i]), h=0.1, steps=20, compiled=False)
-            assert same_bits(np.ascontiguousarray(many.mu[:, i]), one.mu)
-            assert same_bits(np.ascontiguousarray(many.g[:, i]), one.g)
 
 
 def test_many_members_may_share_a_configuration() -> None:

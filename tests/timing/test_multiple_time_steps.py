@@ -1,6 +1,4 @@
-"""Kicks at several rates: the impulse method and the mollified one, where they are in resonance,
-and what they cost.
-"""
+"""Kicks at several rates: the impulse method and the mollified one, where they are in resonance, and what they cost."""
 
 from __future__ import annotations
 
@@ -145,15 +143,6 @@ def test_resonance() -> None:
 def test_fast_steps_that_are_unstable_are_warned_of() -> None:
     with pytest.warns(StepWarning, match="are unstable for the frequency 50"):
         lm.integrate(HARD, lm.MultipleTimeSteps(ratios=(2,)), begin(HARD), h=0.1, steps=1)
-
-
-@pytest.mark.compiled
-@pytest.mark.parametrize(
-    "method", [lm.MultipleTimeSteps(ratios=(40,)), lm.MultipleTimeSteps(ratios=(4,), mollified=True)], ids=repr
-)
-def test_native_code_gives_the_same_bits(method: lm.Method) -> None:
-    plain, native = (lm.integrate(SOFT, method, begin(SOFT), h=0.05, steps=20, compiled=c) for c in (False, True))
-    assert native.compiled and np.array_equal(plain.q, native.q) and np.array_equal(plain.p, native.p)
 
 
 @pytest.mark.slow

@@ -194,27 +194,6 @@ def test_steps_by_the_printed_formula_collapse() -> None:
 # ------------------------------------------------------------------ native code and ensembles
 
 
-@pytest.mark.slow
-@pytest.mark.compiled
-@pytest.mark.parametrize(
-    ("system", "method", "start"),
-    [
-        (KEPLER, verlet(), ORBIT),
-        (TOP, lm.ReversibleController(lm.KickDrift(order=2), lambda mu: 1.0 / (0.1 + lm.dot(mu, mu))), FALLING),
-        pytest.param(
-            TOP, lm.ReversibleController(lm.LieVerlet(), lm.time_scales.EqualArc()), FALLING, marks=pytest.mark.slow
-        ),
-    ],
-    ids=["orbit", "top", "turning top"],
-)
-def test_native_code_gives_the_same_bits(system: Any, method: lm.Method, start: Any) -> None:
-    plain, native = (lm.integrate(system, method, start, h=0.1, t_end=4.0, every=3, compiled=c) for c in (False, True))
-    assert native.compiled and not plain.compiled
-    for name, values in plain.states.items():
-        assert np.array_equal(values, native.states[name])
-    assert np.array_equal(plain.t, native.t) and np.array_equal(plain.tau, native.tau)
-
-
 def test_a_member_of_an_ensemble_moves_as_it_does_alone() -> None:
     factors = np.linspace(1.0, 1.1, 3)[:, None]
     starts = KEPLER.state(factors * np.array(ORBIT.q), np.repeat([np.array(ORBIT.p)], 3, axis=0))

@@ -1,6 +1,4 @@
-"""Time-transformed canonical systems: orders, symplectic steps, exact orbits, equivalences and
-refusals.
-"""
+"""Time-transformed canonical systems: orders, symplectic steps, exact orbits, equivalences and refusals."""
 
 from __future__ import annotations
 
@@ -158,9 +156,7 @@ def test_a_step_is_symplectic_with_time_and_energy(system: Any, method: lm.Metho
 
 
 def test_the_reversible_controller_is_not_symplectic() -> None:
-    """The measure above sees it: as a map of (q, p) its step, whose length depends on the place, is
-    not.
-    """
+    """The measure above sees it: as a map of (q, p) its step, whose length depends on the place, is not."""
     whole = transformed().bound(ORBIT)
 
     class Varied:
@@ -231,9 +227,7 @@ def test_the_logarithmic_hamiltonian_is_its_formula() -> None:
     ids=lambda m: m.name,
 )
 def test_orbits_of_the_logarithmic_hamiltonian_are_exact(method: lm.Method) -> None:
-    """Drift first, every place is on the ellipse: only the time at which it is reached has an
-    error.
-    """
+    """Drift first, every place is on the ellipse: only the time at which it is reached has an error."""
     run = lm.integrate(LOGARITHMIC, method, KEPLER.pericentre(0.9), h=0.3, steps=300)
     report = run.drift()
     assert [report[name].verdict for name in ("energy", "angular momentum", "Runge-Lenz vector")] == ["exact"] * 3
@@ -249,20 +243,6 @@ def test_an_ensemble_has_an_energy_for_each_member() -> None:
         for i in range(3):
             one = lm.integrate(system, method, KEPLER.state(starts.q[i], starts.p[i]), h=0.05, steps=40, compiled=False)
             assert np.array_equal(one.q, many.q[:, i]) and np.array_equal(one.t, many.t[:, i])
-
-
-@pytest.mark.compiled
-@pytest.mark.parametrize(
-    ("system", "method"),
-    [
-        (transformed(lm.time_scales.EqualChange()), lm.AdaptiveVerlet()),
-        (LOGARITHMIC, lm.Splitting(order=4, quadratic=False)),
-    ],
-    ids=repr,
-)
-def test_native_code_gives_the_same_bits(system: Any, method: lm.Method) -> None:
-    plain, native = (lm.integrate(system, method, ORBIT, h=0.1, t_end=4.0, compiled=c) for c in (False, True))
-    assert native.compiled and np.array_equal(plain.q, native.q) and np.array_equal(plain.t, native.t)
 
 
 # ------------------------------------------------------------------ refusals
