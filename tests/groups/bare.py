@@ -1,6 +1,9 @@
-"""SO(3) from what a group of one's own must write, to be completed by what a test needs."""
+"""SO(3) from what a group of one's own must write, to be completed by what a test needs; and maps of groups by name."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from scipy.linalg import expm
@@ -42,3 +45,8 @@ def phi1(a: np.ndarray) -> np.ndarray:
     """1 + a/2 + a^2/6 + ..."""
     n = len(a)
     return np.asarray(expm(np.block([[a, np.eye(n)], [np.zeros((n, 2 * n))]]))[:n, n:])
+
+
+def map_of(group: lm.LieGroup, name: str) -> Callable[..., Any]:
+    """A map of a group, or of its algebra."""
+    return getattr(group if hasattr(group, name) else group.algebra, name)

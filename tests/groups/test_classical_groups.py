@@ -4,23 +4,15 @@ functions, random elements.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import pytest
+from bare import map_of
 from scipy.linalg import expm, polar
 
 import liemech as lm
 from liemech.groups.matrices.classical import GL, SL, SO, SU, Sp, U
 from liemech.groups.matrices.heisenberg import Heisenberg
 from liemech.groups.matrices.matrix_group import MatrixLieGroup
-
-
-def of(group: lm.LieGroup, name: str) -> Callable[..., Any]:
-    """A map of a group, or of its algebra."""
-    return getattr(group if hasattr(group, name) else group.algebra, name)
-
 
 CLASSICAL = (SO(2), SO(3), SO(4), SO(5), SL(2), SL(3), GL(1), GL(2), SU(2), SU(3), U(1), U(2), Sp(2), Sp(4))
 GROUPS = (*CLASSICAL, Heisenberg(1), Heisenberg(2))
@@ -183,7 +175,7 @@ def test_special_cases_agree() -> None:
     g = closed.exp(eta)
     calls = {"exp": (xi,), "log": (g,), "Ad": (g, xi), "exp_Ad_star": (xi, mu), "dexp": (xi, eta), "casimirs": (mu,)}
     for name, args in calls.items():
-        assert np.allclose(of(general, name)(*args), of(closed, name)(*args), rtol=0, atol=1e-15)
+        assert np.allclose(map_of(general, name)(*args), map_of(closed, name)(*args), rtol=0, atol=1e-15)
     assert np.allclose(Sp(2).exp(xi), SL(2).exp(SL(2).algebra.vee(Sp(2).algebra.hat(xi))), atol=1e-15)
 
 
@@ -205,7 +197,7 @@ def test_heisenberg() -> None:
         "dcayley_inv": (xi, eta), "dcayley_dual": (xi, mu), "dcayley_inv_dual": (xi, mu),
     }  # fmt: skip
     for name, args in pairs.items():
-        assert np.allclose(of(closed, name)(*args), of(general, name)(*args), atol=1e-13), name
+        assert np.allclose(map_of(closed, name)(*args), map_of(general, name)(*args), atol=1e-13), name
 
 
 @pytest.mark.parametrize(

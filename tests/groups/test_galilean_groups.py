@@ -1,12 +1,11 @@
-"""Extended poses and Galilean frames: every law, references by series and 40 digits, and their
-motions.
-"""
+"""Extended poses and Galilean frames: every law, references by series and 40 digits, and their motions."""
 
 from __future__ import annotations
 
 import mpmath as mp
 import numpy as np
 import pytest
+from bare import phi1
 from scipy.linalg import expm
 
 import liemech as lm
@@ -15,12 +14,6 @@ from liemech.groups.lie_algebra import sided
 EPS = 2.0**-52
 GROUPS = (lm.SE23(), lm.SGal3())
 names = pytest.mark.parametrize("group", GROUPS, ids=repr)
-
-
-def phi1(a: np.ndarray) -> np.ndarray:
-    """The mean of exp(s a) over 0 <= s <= 1: the upper right block of exp [[a, 1], [0, 0]]."""
-    n = len(a)
-    return np.asarray(expm(np.block([[a, np.eye(n)], [np.zeros((n, 2 * n))]]))[:n, n:])
 
 
 def ad(group: lm.LieGroup, xi: np.ndarray) -> np.ndarray:
@@ -129,14 +122,6 @@ def test_a_body_moves_on_them(group: lm.LieGroup, method: lm.Method) -> None:
     assert np.abs(run.casimirs - run.casimirs[0]).max() < 1e-13
     assert np.abs(run.spatial_momentum - run.spatial_momentum[0]).max() < 1e-13
     assert np.abs(run.mu - run.mu[0]).max() > 0.01
-
-
-@pytest.mark.compiled
-@pytest.mark.slow
-@names
-def test_native_code_does_the_same(group: lm.LieGroup) -> None:
-    report = lm.check_group(group, native=True, raises=False)
-    assert not report.broken
 
 
 @names

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shipped
+from bare import phi1
 from scipy.linalg import expm
 
 import liemech as lm
@@ -12,12 +13,7 @@ import liemech as lm
 EPS = 2.0**-52
 GROUPS = shipped.GROUPS
 names = pytest.mark.parametrize("group", GROUPS, ids=repr)
-small_first = [pytest.param(G, marks=pytest.mark.slow) if G.dim > 9 else G for G in GROUPS]
-
-
-def phi1(a: np.ndarray) -> np.ndarray:
-    n = len(a)
-    return np.asarray(expm(np.block([[a, np.eye(n)], [np.zeros((n, 2 * n))]]))[:n, n:])
+small_first = [pytest.param(G, marks=pytest.mark.slow) if G.dim > 5 else G for G in GROUPS]
 
 
 @pytest.mark.sample(4)

@@ -1,9 +1,8 @@
-"""The laws of groups, algebras and coadjoint actions: once, for every group, at the identity, close
-to it, anywhere, near pi.
+"""The laws of groups, algebras and coadjoint actions: once, for every group, at the identity, close to it, anywhere,
+near pi.
 
-Two more groups write only what a group must write: rotations again, to compare the formulas that
-follow from the laws with the closed forms, and the motions of the plane, where no closed form hides
-a wrong general one.
+Two more groups write only what a group must write: rotations again, to compare the formulas that follow from the laws
+with the closed forms, and the motions of the plane, where no closed form hides a wrong general one.
 """
 
 from __future__ import annotations
@@ -16,20 +15,21 @@ from typing import Any
 import mpmath as mp
 import numpy as np
 import pytest
+import shipped
 from scenes import PlaneMotions, hat, rotation
 from scipy.linalg import expm
 
 import liemech as lm
 from liemech.formulas import derivative, dot, vec
 from liemech.groups.lie_algebra import sided
+from liemech.groups.representations import AdjointAction
 from liemech.groups.rigid.so3 import SO3Algebra
 
 EPS = np.finfo(float).eps
 pytestmark = pytest.mark.sample(12)  # all laws in a quarter of a second
 
 
-# ---------------------------------------------------------------- groups that write only what they
-# must
+# ---------------------------------------------------------------- groups that write only what they must
 
 
 @lm.record
@@ -224,9 +224,7 @@ def test_poisson_structure(case: Case) -> None:
 
 
 def test_poisson_bracket_obeys_jacobi(case: Case) -> None:
-    """sum_l dB_ij/dmu_l B_lk + cyclic = 0; B is linear in mu, so its derivative is B itself at the
-    basis.
-    """
+    """sum_l dB_ij/dmu_l B_lk + cyclic = 0; B is linear in mu, so its derivative is B itself at the basis."""
     structure = case.group.algebra.poisson_structure
     B, dB = structure(case.mu), np.stack([structure(e) for e in np.eye(3)], axis=-1)
     first = np.einsum("ijl,lk->ijk", dB, B)
@@ -300,8 +298,7 @@ def test_check_accepts_an_abelian_algebra() -> None:
     Broken((zero,) * 3).check()
 
 
-# ---------------------------------------------------------------- differentials, from their
-# definition in 50 digits
+# ---------------------------------------------------------------- differentials, from their definition in 50 digits
 
 
 def mp_hat(case: Case, xi: Iterable) -> mp.matrix:
@@ -326,9 +323,7 @@ def mp_cayley(matrix: mp.matrix) -> mp.matrix:
 
 
 def by_definition(case: Case, tau: Callable, xi: np.ndarray, side: str) -> np.ndarray:
-    """The trivialised differential as a matrix: d/de tau(xi + e eta), with tau(xi)^-1 on the side
-    named.
-    """
+    """The trivialised differential as a matrix: d/de tau(xi + e eta), with tau(xi)^-1 on the side named."""
     with mp.workdps(60):
         e, here = mp.mpf(10) ** -20, tau(mp_hat(case, xi)) ** -1
         columns = []
@@ -376,9 +371,7 @@ def test_left_and_right_differentials(case: Case) -> None:
 
 
 def test_series_of_the_inverse_differential(case: Case) -> None:
-    """Cut after ad^q, the error is the first Bernoulli term left out; with enough terms it is the
-    closed form.
-    """
+    """Cut after ad^q, the error is the first Bernoulli term left out; with enough terms it is the closed form."""
     G, xi, eta = case.group, 0.2 * case.xi[0], case.eta
     ad = np.stack([G.ad(xi, e) for e in np.eye(3)], axis=1)
     bernoulli = (1, -1 / 2, 1 / 6, 0, -1 / 30, 0, 1 / 42, 0, -1 / 30, 0, 5 / 66, 0, -691 / 2730)
@@ -389,8 +382,7 @@ def test_series_of_the_inverse_differential(case: Case) -> None:
     assert np.abs(total - G.dexp_inv(-xi, eta)).max() < 1e-12 + (case.size / 5 / 2 / math.pi) ** 14 * 4
 
 
-# ---------------------------------------------------------------- closed forms against what follows
-# from the laws
+# ---------------------------------------------------------------- closed forms against what follows from the laws
 
 
 @pytest.mark.sample(4)
@@ -466,3 +458,38 @@ def test_the_velocity_of_elements_that_are_no_matrices(group: Any) -> None:
     rate = derivative(lambda s: group.compose(g, group.exp(s * xi)), 0.0)
     found = np.array(lm.LieGroup.body_velocity(group, g, rate))
     assert np.allclose(found, np.array(xi), rtol=0.0, atol=1e-13)
+
+
+# ---------------------------------------------------------------- every group there is
+
+
+SO3, Q, SL2 = lm.SO3(), lm.UnitQuaternions(), lm.SL(2)
+EVERY = (
+    *shipped.GROUPS, lm.VectorSpace(1), lm.ProductGroup(lm.ProductGroup(SO3, lm.VectorSpace(1)), Q),
+    lm.ProductGroup(lm.SemidirectProduct(SO3), lm.VectorSpace(1)),
+    lm.SemidirectProduct(SL2), lm.SemidirectProduct(lm.Heisenberg()), lm.SemidirectProduct(SL2, AdjointAction(SL2)),
+    *(lm.SemidirectProduct(SO3, action(SO3)) for action in (lm.actions.LinearAction, lm.actions.CoadjointAction)),
+    lm.OppositeGroup(SO3), lm.OppositeGroup(lm.SE23()),
+)  # fmt: skip
+"""The groups of the library, and others made of them."""
+
+QUICK = (SO3, Q, lm.SE2(), lm.VectorSpace(1), lm.VectorSpace(3), lm.OppositeGroup(SO3))
+"""Groups whose laws take less than a second in plain Python."""
+
+
+def every_group(native: bool) -> list[Any]:
+    return [
+        pytest.param(
+            group, native, marks=[] if group in QUICK and not native else [pytest.mark.slow], id=f"{group!r}-{native}"
+        )
+        for group in EVERY
+    ]
+
+
+@pytest.mark.compiled
+@pytest.mark.sample(1)
+@pytest.mark.parametrize(("group", "native"), [*every_group(False), *every_group(True)])
+def test_every_group_obeys_all_laws(group: lm.LieGroup, native: bool) -> None:
+    report = lm.check_group(group, native=native)
+    assert not report.broken
+    assert not native or report["native code"].verdict == "holds"

@@ -1,16 +1,14 @@
-"""Groups from generators alone: SO(3) against its closed forms, others against definitions; what is
-refused, and why.
-"""
+"""Groups from generators alone: SO(3) against its closed forms, others against definitions; what is refused, and why."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
-from scenes import hat, same_bits, slow
+from bare import map_of
+from scenes import hat, same_bits
 from scipy.linalg import expm
 
 import liemech as lm
@@ -21,12 +19,6 @@ from liemech.groups.matrices.heisenberg import Heisenberg
 from liemech.groups.matrices.matrix_basis import clean
 from liemech.groups.matrices.matrix_group import MatrixLieGroup
 from liemech.groups.rigid.so3 import SO3Algebra
-
-
-def of(group: lm.LieGroup, name: str) -> Callable[..., Any]:
-    """A map of a group, or of its algebra."""
-    return getattr(group if hasattr(group, name) else group.algebra, name)
-
 
 EPS = np.finfo(float).eps
 ROTATIONS = np.array([hat(e) for e in np.eye(3)])
@@ -49,9 +41,7 @@ class Plane(MatrixLieGroup):
 
 @lm.record
 class Scaled(MatrixLieGroup):
-    """SO(3) with generators that depend on a field: the structure constants are 1/size, irrational
-    for sqrt(2).
-    """
+    """SO(3) with generators that depend on a field: the structure constants are 1/size, irrational for sqrt(2)."""
 
     size: int = 2
 
@@ -104,7 +94,7 @@ def test_rotations_from_generators_equal_the_closed_forms(size: float) -> None:
         "ad_star": (xi, mu),
     }  # fmt: skip
     for name, args in calls.items():
-        assert close(of(group, name)(*args), of(closed, name)(*args), 16), name
+        assert close(map_of(group, name)(*args), map_of(closed, name)(*args), 16), name
     for name in (
         "dexp",
         "dexp_inv",
@@ -115,7 +105,7 @@ def test_rotations_from_generators_equal_the_closed_forms(size: float) -> None:
         "dcayley_dual",
         "dcayley_inv_dual",
     ):
-        assert close(of(group, name)(xi, mu), of(closed, name)(xi, mu), 64), name
+        assert close(map_of(group, name)(xi, mu), map_of(closed, name)(xi, mu), 64), name
     if size <= 3.0:
         assert close(group.log(closed.exp(xi)), xi, 16)
         assert close(group.cayley_inv(closed.cayley(xi)), xi, 64)
@@ -133,6 +123,7 @@ def test_rotations_from_generators_move_a_body_as_the_closed_forms_do(method: lm
     assert np.abs(runs[0].g - runs[1].g).max() < 1e-13  # of which the angles are the sums
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angle", [3.1, math.pi - 1e-3, math.pi - 1e-6, math.pi - 1e-9, math.pi])
 def test_logarithm_near_half_a_turn(angle: float) -> None:
     """No digit is lost, though the square root of such a matrix is as ill-conditioned as can be; at
@@ -156,9 +147,7 @@ def test_logarithm_near_half_a_turn(angle: float) -> None:
 @names
 @sizes
 def test_definitions(group: MatrixLieGroup, size: float) -> None:
-    """exp is that of matrices, Ad conjugation, Ad* its transpose, dexp the series of ad, each to
-    rounding.
-    """
+    """exp is that of matrices, Ad conjugation, Ad* its transpose, dexp the series of ad, each to rounding."""
     xi, eta, mu = samples(group, size)
     algebra = group.algebra
     x, y = np.array(algebra.hat(xi)), np.array(algebra.hat(eta))
@@ -307,30 +296,6 @@ def test_logarithm_outside_the_image_of_exp() -> None:
 # ---------------------------------------------------------------- both worlds
 
 
-@pytest.mark.compiled
-@pytest.mark.parametrize(
-    ("group", "method"),
-    [
-        *(
-            (Rotations(), METHODS[0]),
-            (SL(2), METHODS[0]),
-            (GIVEN, METHODS[0]),
-            (SU(2), METHODS[1]),
-            (Rotations(), METHODS[2]),
-        ),
-        *(slow(group, METHODS[0]) for group in (SO(4), SU(2), Heisenberg(1))),
-        *(slow(*pair) for pair in ((Rotations(), METHODS[1]), (SU(2), METHODS[2]), (SO(4), METHODS[1]))),
-    ],
-)
-def test_plain_and_compiled_give_the_same_bits(group: MatrixLieGroup, method: lm.Method) -> None:
-    system = lm.LiePoissonSystem(group, lm.KineticEnergy(np.linspace(1.0, 2.0, group.dim)))
-    xi, _, mu = samples(group, 0.3)
-    start = system.state(0.5 * mu, group.exp(xi))
-    runs = [lm.integrate(system, method, start, h=0.1, steps=10, compiled=c) for c in (False, True)]
-    assert same_bits(runs[0].mu, runs[1].mu)
-    assert np.array_equal(runs[0].g, runs[1].g)
-
-
 @pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("group", [Rotations(), SU(2)], ids=repr)
@@ -339,7 +304,7 @@ def test_batches_give_the_same_bits(group: MatrixLieGroup) -> None:
     rng = np.random.default_rng(2)
     xi, mu = rng.normal(size=(2, 2100, group.dim)) * rng.choice([1e-3, 1.0, 2.0], size=(2100, 1))
     for name in ("exp_Ad_star", "dexp_inv_dual"):
-        many, few = of(group, name)(xi, mu), of(group, name)(xi[:50], mu[:50])
+        many, few = map_of(group, name)(xi, mu), map_of(group, name)(xi[:50], mu[:50])
         assert same_bits(np.ascontiguousarray(many[:50]), few), name
     g = group.exp(xi)
     assert np.array_equal(g[:50], group.exp(xi[:50]))

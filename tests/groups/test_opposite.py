@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scenes import slow
 
 import liemech as lm
 
@@ -19,11 +18,6 @@ METHODS = (
     lm.Taylor(order=6),
 )
 INERTIAS = {lm.SO3(): [1.0, 1.6, 2.3], lm.SE3(): [1.0, 1.5, 2.0, 1.2, 1.6, 2.1], lm.SU(2): [1.0, 1.6, 2.3]}
-
-
-@pytest.mark.parametrize("group", [lm.SO3(), slow(lm.SE3()), slow(lm.SE23()), slow(lm.SL(2))], ids=repr)
-def test_every_law_holds(group: lm.LieGroup) -> None:
-    assert not lm.check_group(lm.OppositeGroup(group)).broken
 
 
 @pytest.mark.sample(4)
@@ -78,9 +72,3 @@ def test_the_energy_that_both_sides_see() -> None:
 def test_what_is_no_group_is_refused() -> None:
     with pytest.raises(lm.errors.InvalidType, match="group must be a LieGroup; got 3"):
         lm.OppositeGroup(3)
-
-
-@pytest.mark.compiled
-@pytest.mark.slow
-def test_native_code_does_the_same() -> None:
-    assert not lm.check_group(lm.OppositeGroup(lm.SE3()), native=True).broken

@@ -30,9 +30,7 @@ each = partial(pytest.mark.parametrize, "group, orbit, casimirs", GENERIC, ids=l
 
 @each
 def test_generic_orbits(group: lm.LieGroup, orbit: int, casimirs: int) -> None:
-    """dim = orbit + isotropy; Casimirs are constant on it, independent, and their differentials
-    span the isotropy.
-    """
+    """dim = orbit + isotropy; Casimirs are constant on it, independent, and their differentials span the isotropy."""
     action, rng = lm.coadjoint(group), np.random.default_rng(5)
     mu = rng.normal(size=group.dim)
     tangent, isotropy = action.tangent(mu), action.isotropy(mu)
@@ -71,9 +69,7 @@ def test_random_momenta_of_one_orbit(group: lm.LieGroup, orbit: int, casimirs: i
 
 
 def test_wrench_without_pitch_in_all_units() -> None:
-    """Pi . P = 0: the Casimir is zero up to rounding, which is measured by |Pi| |P|; units of Pi
-    and P are any.
-    """
+    """Pi . P = 0: the Casimir is zero up to rounding, which is measured by |Pi| |P|; units of Pi and P are any."""
     action, rng = lm.coadjoint(SE3), np.random.default_rng(1)
     for _ in range(15):
         Pi, P = rng.normal(size=(2, 3))
@@ -86,9 +82,7 @@ def test_wrench_without_pitch_in_all_units() -> None:
 
 
 def test_orbits_of_less_dimension() -> None:
-    """se(3)* with P = 0: spheres of Pi, two dimensions.  so(4)* has 2-spheres too.  se(2)* and
-    Heisenberg: points.
-    """
+    """se(3)* with P = 0: spheres of Pi, two dimensions.  so(4)* has 2-spheres too.  se(2)* and Heisenberg: points."""
     action = lm.coadjoint(SE3)
     assert not action.on_same_orbit([1.0, 0, 0, 0, 0, 0], [5.0, 0, 0, 0, 0, 0])
     assert action.on_same_orbit([1.0, 0, 0, 0, 0, 0], [0.0, 0, -1.0, 0, 0, 0])
@@ -126,6 +120,7 @@ def test_spheres_of_generators() -> None:
     assert action.casimirs([1.0, 2.0, 3.0]) == pytest.approx([14.0], rel=1e-15)
 
 
+@pytest.mark.slow
 def test_refused_where_it_is_not_known() -> None:
     """sp(2)*: mu and -mu on the two sheets of a hyperboloid have one Casimir, and no element leads
     from one to the other.
@@ -139,9 +134,7 @@ def test_refused_where_it_is_not_known() -> None:
 
 
 def test_brackets_of_functions() -> None:
-    """{mu_1, mu_2} = -mu_3; {F, H} is the rate of F along a motion; Jacobi; Casimirs commute with
-    all.
-    """
+    """{mu_1, mu_2} = -mu_3; {F, H} is the rate of F along a motion; Jacobi; Casimirs commute with all."""
     bracket, rng = lm.coadjoint(SO3).poisson_bracket, np.random.default_rng(2)
     mu = rng.normal(size=3)
     first, second, third = (lambda m, i=i: m[i] * m[(i + 1) % 3] ** 2 + np.pi * m[i] for i in range(3))

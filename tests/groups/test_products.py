@@ -7,25 +7,17 @@ from __future__ import annotations
 import json
 import math
 import pickle
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import mpmath as mp
 import numpy as np
 import pytest
-from scenes import hat, slope, slow
-from scipy.linalg import expm
+from bare import map_of
+from scenes import hat, slope
 
 import liemech as lm
 from liemech.groups.representations import AdjointAction, Representation, RotationAction
-
-
-def of(group: lm.LieGroup, name: str) -> Callable[..., Any]:
-    """A map of a group, or of its algebra."""
-    return getattr(group if hasattr(group, name) else group.algebra, name)
-
 
 EPS = 2.0**-52
 HEAVY_TOP = json.loads((Path(__file__).parent.parent / "reference" / "heavy_top.json").read_text())
@@ -33,7 +25,6 @@ HEAVY_TOP = json.loads((Path(__file__).parent.parent / "reference" / "heavy_top.
 SO3, SE3, Q, SL2 = lm.SO3(), lm.SE3(), lm.UnitQuaternions(), lm.SL(2)
 RIGID = lm.SemidirectProduct(SO3)
 
-VECTORS = (lm.VectorSpace(1), lm.VectorSpace(3))
 PRODUCTS = (
     lm.ProductGroup(SO3, lm.VectorSpace(3)),
     lm.ProductGroup(lm.ProductGroup(SO3, lm.VectorSpace(1)), Q),
@@ -53,19 +44,7 @@ SEMIDIRECT = (
 each = partial(pytest.mark.parametrize, "group", ids=repr)
 
 
-SLOW = (PRODUCTS[0], *PRODUCTS[2:], *(SEMIDIRECT[i] for i in (1, 2, 3, 4, 5, 6)))
 """Series and iterations in plain Python: some seconds each."""
-
-
-@each([g if g not in SLOW else slow(g) for g in (*VECTORS, *PRODUCTS, *SEMIDIRECT)])
-def test_laws(group: lm.LieGroup) -> None:
-    assert lm.check_group(group)
-
-
-@pytest.mark.compiled
-@each([VECTORS[1], slow(RIGID), slow(PRODUCTS[1])])
-def test_laws_in_native_code(group: lm.LieGroup) -> None:
-    assert lm.check_group(group, native=True)["native code"].verdict == "holds"
 
 
 # ---------------------------------------------------------------- vector spaces
@@ -75,16 +54,16 @@ def test_a_vector_space_adds_no_operation(rng: np.random.Generator) -> None:
     """Nothing but sums, bit for bit."""
     G, (g, xi, eta, mu) = lm.VectorSpace(3), rng.normal(size=(4, 3))
     for name in ("dexp", "dexp_inv", "dcayley", "dcayley_inv"):
-        assert np.array_equal(of(G, name)(xi, eta), eta)
-        assert np.array_equal(of(G, name + "_dual")(xi, mu), mu)
+        assert np.array_equal(map_of(G, name)(xi, eta), eta)
+        assert np.array_equal(map_of(G, name + "_dual")(xi, mu), mu)
     for terms in range(6):
         assert np.array_equal(G.algebra.dexp_inv_series(xi, eta, terms), eta)
     for name in ("exp", "log", "cayley", "cayley_inv", "casimirs"):
-        assert np.array_equal(of(G, name)(xi), xi)
+        assert np.array_equal(map_of(G, name)(xi), xi)
     for name in ("compose", "compose_exp", "compose_cayley"):
-        assert np.array_equal(of(G, name)(g, xi), g + xi)
+        assert np.array_equal(map_of(G, name)(g, xi), g + xi)
     for name in ("Ad_star", "exp_Ad_star", "cayley_Ad_star", "K"):
-        assert np.array_equal(of(G, name)(g, mu), mu)
+        assert np.array_equal(map_of(G, name)(g, mu), mu)
     assert np.array_equal(G.inverse(g), -g)
     assert G.distance(g, eta) == pytest.approx(np.linalg.norm(g - eta), rel=4 * EPS)
 
@@ -121,8 +100,8 @@ def test_every_map_is_that_of_the_factors(group: lm.ProductGroup, rng: np.random
     elements = [id(g), id(h)]
     for name, args in tests.items():
         shares = [group.split(a) if id(a) in elements else parts_of(group, a) for a in args]
-        whole = of(group, name)(*args)
-        found = [of(f, name)(*share) for f, *share in zip(group.factors, *shares, strict=True)]
+        whole = map_of(group, name)(*args)
+        found = [map_of(f, name)(*share) for f, *share in zip(group.factors, *shares, strict=True)]
         if name in ("exp", "inverse", "compose", "compose_exp", "cayley", "compose_cayley"):
             assert np.array_equal(whole, group.join(*found)), name
         else:
@@ -196,38 +175,14 @@ def test_a_product_moves_as_its_factors_do_on_their_own() -> None:
 
 @pytest.mark.slow
 @pytest.mark.compiled
-@pytest.mark.parametrize(
-    ("group", "method"),
-    [
-        (PRODUCTS[1], lm.CovariantVariational(lm.Cayley())),
-        (RIGID, lm.RKMK(order=4)),
-        *(
-            slow(group, method)
-            for group in (PRODUCTS[0], PRODUCTS[2], RIGID, SEMIDIRECT[3])
-            for method in (lm.RKMK(order=4), lm.CovariantVariational(lm.Exponential()))
-            if (group, method) != (RIGID, lm.RKMK(order=4))
-        ),
-    ],
-    ids=repr,
-)
-def test_compiled_runs_equal_plain_ones(group: lm.LieGroup, method: lm.Method) -> None:
-    system = lm.LiePoissonSystem(group, lm.KineticEnergy(np.linspace(1.0, 2.0, group.dim)))
-    start = system.state(np.linspace(-0.5, 1.0, group.dim), group.random(2))
-    a, b = (lm.integrate(system, method, start, h=0.1, steps=20, compiled=c) for c in (False, True))
-    assert np.array_equal(a.mu, b.mu)
-    assert np.array_equal(a.g, b.g)
-
-
-@pytest.mark.slow
-@pytest.mark.compiled
 @each([PRODUCTS[0], RIGID])
 def test_batches_equal_rows(group: lm.LieGroup) -> None:
     rng, n = np.random.default_rng(11), 2100
     g, xi, eta = (group.random(rng, n), 0.8 * rng.normal(size=(n, group.dim)), rng.normal(size=(n, group.dim)))
     arguments = {"exp": (xi,), "log": (g,), "compose": (g, g[::-1]), "Ad_star": (g, eta), "dexp_inv_dual": (xi, eta)}
     for name, args in arguments.items():
-        whole, some = of(group, name)(*args), [0, 1, 777, n - 1]
-        assert np.array_equal(whole[some], [of(group, name)(*(a[i] for a in args)) for i in some]), name
+        whole, some = map_of(group, name)(*args), [0, 1, 777, n - 1]
+        assert np.array_equal(whole[some], [map_of(group, name)(*(a[i] for a in args)) for i in some]), name
     g[5] *= 1.1
     with pytest.raises(lm.errors.InvalidInput, match=r"g\[5\] is not in"):
         group.log(g)
@@ -259,9 +214,7 @@ def as_matrix(g: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("size", SIZES)
 @each([SEMIDIRECT[0], SEMIDIRECT[1]])
 def test_rigid_motions_once_more(group: lm.SemidirectProduct, size: float, rng: np.random.Generator) -> None:
-    """Every map is that of SE3, in the same coordinates; near a whole turn dexp^-1 has a condition
-    number of 75.
-    """
+    """Every map is that of SE3, in the same coordinates; near a whole turn dexp^-1 has a condition number of 75."""
     for xi in screws(size):
         eta, mu = rng.normal(size=(2, 6))
         g = group.random(rng)
@@ -274,13 +227,13 @@ def test_rigid_motions_once_more(group: lm.SemidirectProduct, size: float, rng: 
         assert close(group.log(g), SE3.log(m), 128)
         assert close(group.matrix(g), m)
         for name in ("Ad", "Ad_star", "K"):
-            assert close(of(group, name)(g, mu), of(SE3, name)(m, mu)), name
+            assert close(map_of(group, name)(g, mu), map_of(SE3, name)(m, mu)), name
         for name in ("ad", "ad_star", "exp_Ad_star", "cayley_Ad_star"):
-            assert close(of(group, name)(xi, mu), of(SE3, name)(xi, mu)), name
+            assert close(map_of(group, name)(xi, mu), map_of(SE3, name)(xi, mu)), name
         for name in ("dexp", "dexp_dual", "dcayley", "dcayley_dual", "dcayley_inv", "dcayley_inv_dual"):
-            assert close(of(group, name)(xi, eta), of(SE3, name)(xi, eta), 64), name
+            assert close(map_of(group, name)(xi, eta), map_of(SE3, name)(xi, eta), 64), name
         for name in ("dexp_inv", "dexp_inv_dual"):
-            assert close(of(group, name)(xi, eta), of(SE3, name)(xi, eta), 64 if size < 6 else 8192), name
+            assert close(map_of(group, name)(xi, eta), map_of(SE3, name)(xi, eta), 64 if size < 6 else 8192), name
     assert close(group.algebra.structure_constants, SE3.algebra.structure_constants)
 
 
@@ -337,7 +290,7 @@ def test_dexp_and_its_inverses_by_definition_in_50_digits(group: lm.SemidirectPr
         for name, vector, right, scale in zip(
             ("dexp", "dexp_dual", "dexp_inv", "dexp_inv_dual"), (eta, mu, eta, mu), expected, scales, strict=True
         ):
-            error = np.abs(of(group, name)(xi, vector) - right)
+            error = np.abs(map_of(group, name)(xi, vector) - right)
             bound = (
                 32
                 * EPS
@@ -353,20 +306,22 @@ def test_dexp_and_its_inverses_by_definition_in_50_digits(group: lm.SemidirectPr
 
 @pytest.mark.parametrize("size", [0.0, 1e-8, 0.5, 3.0])
 def test_affine_maps_by_matrices(size: float, rng: np.random.Generator) -> None:
-    """SL(2) with the plane: exponentials of 3 by 3 matrices."""
+    """SL(2) with the plane: exponentials of 3 by 3 matrices, in 40 digits, for SciPy's lose thousands of eps."""
     group = lm.SemidirectProduct(SL2)
     xi = rng.normal(size=5)
     xi[:3] *= size / np.linalg.norm(xi[:3])
     generator = np.zeros((3, 3))
     generator[:2, :2], generator[:2, 2] = SL2.algebra.hat(xi[:3]), xi[3:]
-    assert close(group.matrix(group.exp(xi)), expm(generator), 64)
+    with mp.workdps(40):
+        exact = mp.expm(mp.matrix(generator.tolist()), method="taylor").tolist()
+    assert close(group.matrix(group.exp(xi)), exact, 8)
     half = 0.5 * generator
     assert close(
         group.matrix(group.cayley(0.3 * xi)), np.linalg.solve(np.eye(3) - 0.3 * half, np.eye(3) + 0.3 * half), 64
     )
     g, h = group.random(rng, 2)
     assert close(group.matrix(group.compose(g, h)), group.matrix(g) @ group.matrix(h))
-    assert close(group.matrix(group.inverse(g)) @ group.matrix(g), np.eye(3), 256)
+    assert close(group.matrix(group.inverse(g)) @ group.matrix(g), np.eye(3), 4 * np.linalg.cond(group.matrix(g)))
 
 
 @lm.record
@@ -394,7 +349,7 @@ def test_a_representation_of_ones_own() -> None:
         "dexp_dual": (xi, mu),
         "ad_star": (xi, mu),
     }.items():
-        assert close(of(own, name)(*args), of(closed, name)(*args), 128), name
+        assert close(map_of(own, name)(*args), map_of(closed, name)(*args), 128), name
 
 
 def test_wrong_semidirect_products() -> None:
@@ -417,9 +372,7 @@ def test_wrong_semidirect_products() -> None:
 
 @lm.record
 class HeavyTop(lm.Hamiltonian):
-    """pi . J^-1 pi/2 + chi . Gamma, on the dual of the rigid motions; chi holds weight and lever
-    arm.
-    """
+    """pi . J^-1 pi/2 + chi . Gamma, on the dual of the rigid motions; chi holds weight and lever arm."""
 
     moments: lm.Vec
     chi: lm.Vec

@@ -1,6 +1,4 @@
-"""Retractions: what makes them so, their differentials, and the mismatch that the variational
-method solves.
-"""
+"""Retractions: what makes them so, their differentials, and the mismatch that the variational method solves."""
 
 from __future__ import annotations
 
@@ -38,54 +36,6 @@ def close(a: object, b: object, ulps: float = 32) -> bool:
     return bool(np.abs(a - b).max() <= ulps * EPS * max(1.0, np.abs(b).max()))
 
 
-def test_what_makes_a_retraction(tau: lm.Retraction, vectors: tuple[np.ndarray, ...]) -> None:
-    xi, eta, mu = vectors
-    g = tau.tau(G, xi)
-    assert np.array_equal(tau.tau(G, np.zeros(3)), np.eye(3))
-    assert np.array_equal(tau.dtau(G, np.zeros(3), eta), eta)
-    assert close(tau.tau(G, -xi), g.T)
-    assert close(g @ g.T, np.eye(3))
-    assert close(tau.tau_inv(G, g), xi, 64)
-    assert close(tau.tau_Ad_star(G, xi, mu), g.T @ mu)
-    assert (
-        close(tau.tau(G, 0.5 * xi) @ tau.tau(G, 0.5 * xi), g) == isinstance(tau, lm.Exponential)
-        or vectors[0].max() < 1e-6
-    )
-
-
-def test_inverses_and_duals(tau: lm.Retraction, vectors: tuple[np.ndarray, ...]) -> None:
-    xi, eta, mu = vectors
-    for x in (-xi, xi):
-        assert close(tau.dtau_inv(G, x, tau.dtau(G, x, eta)), eta)
-        assert close(tau.dtau(G, x, tau.dtau_inv(G, x, eta)), eta)
-        assert np.dot(tau.dtau_inv_dual(G, x, mu), eta) == pytest.approx(
-            np.dot(mu, tau.dtau_inv(G, x, eta)), abs=64 * EPS
-        )
-
-
-def test_left_and_right(tau: lm.Retraction, vectors: tuple[np.ndarray, ...]) -> None:
-    """dL = Ad_{tau^-1} dR, and for the duals of the inverses (dL^-1)* = Ad*_tau (dR^-1)*: how a
-    step moves the momentum.
-    """
-    xi, eta, mu = vectors
-    g = tau.tau(G, xi)
-    assert close(tau.dtau(G, xi, eta), g.T @ tau.dtau(G, -xi, eta))
-    assert close(tau.dtau_inv_dual(G, xi, mu), tau.tau_Ad_star(G, xi, tau.dtau_inv_dual(G, -xi, mu)))
-
-
-def test_differential_by_differences(tau: lm.Retraction, vectors: tuple[np.ndarray, ...]) -> None:
-    """d/de tau(xi + e eta) = tau(xi) hat(dtau eta), and with dtau at -xi on the left, by four
-    differences.
-    """
-    xi, eta, _ = vectors
-    e = 1e-3
-    at = [tau.tau(G, xi + k * e * eta) for k in (-2, -1, 1, 2)]
-    rate = (8 * (at[2] - at[1]) - (at[3] - at[0])) / (12 * e)
-    g = tau.tau(G, xi)
-    assert np.abs(rate - hat(tau.dtau(G, -xi, eta)) @ g).max() < 1e-11
-    assert np.abs(rate - g @ hat(tau.dtau(G, xi, eta))).max() < 1e-11
-
-
 def test_cayley_agrees_with_the_exponential_to_third_order() -> None:
     sizes = [0.4, 0.2, 0.1, 0.05]
     w = np.array([0.6, -0.64, 0.48])
@@ -100,9 +50,7 @@ def test_cayley_agrees_with_the_exponential_to_third_order() -> None:
 
 
 def definition(retraction: lm.Retraction, xi: mp.matrix, p: mp.matrix, mu: mp.matrix) -> mp.matrix:
-    """p - (dtau_xi)* mu, from matrices; for the Cayley map times 1 + |xi|^2/4, which frees it of
-    its division.
-    """
+    """p - (dtau_xi)* mu, from matrices; for the Cayley map times 1 + |xi|^2/4, which frees it of its division."""
     W = mp.matrix([[0, -xi[2], xi[1]], [xi[2], 0, -xi[0]], [-xi[1], xi[0], 0]])
     one = mp.eye(3)
     if isinstance(retraction, lm.Exponential):

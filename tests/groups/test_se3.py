@@ -1,21 +1,17 @@
-"""The group of rigid motions of space against reference numbers made without closed forms, and
-bodies that move on it.
-"""
+"""The group of rigid motions of space against reference numbers made without closed forms, and bodies that move on it."""
 
 from __future__ import annotations
 
 import json
 import math
-import warnings
 from pathlib import Path
 
 import mpmath as mp
 import numpy as np
 import pytest
-from scenes import hat, named, rotation, same_bits
+from scenes import hat, kirchhoff_body, rotation
 
 import liemech as lm
-from liemech.groups.retractions import CayleyAdjoint
 from liemech.groups.rigid.se3 import SE3
 from liemech.systems.kinetic_energy import KineticEnergy
 
@@ -137,9 +133,7 @@ def test_accuracy_of_the_exponential(size: float) -> None:
 @pytest.mark.sample(3)
 @pytest.mark.parametrize("gap", [math.pi - 1e-9, math.pi - 0.5, 1.0, 0.1, 1e-4, 1e-9, 1e-13])
 def test_accuracy_of_the_logarithm(gap: float) -> None:
-    """3 eps of |w| and of |v| for every angle up to pi - 1e-13: the matrix is rounded from the
-    exact one.
-    """
+    """3 eps of |w| and of |v| for every angle up to pi - 1e-13: the matrix is rounded from the exact one."""
     rng = np.random.default_rng(7)
     for n, v in rng.normal(size=(30, 2, 3)):
         with mp.workdps(60):
@@ -222,79 +216,13 @@ def test_rigid_transforms_of_scipy(rng: np.random.Generator) -> None:
 # ---------------------------------------------------------------- bodies that move
 
 
-def kirchhoff() -> tuple[lm.LiePoissonSystem, lm.BodyState]:
-    """A body in an ideal fluid, all couplings present."""
-    A, D, M = (exact(KIRCHHOFF[name]) for name in "ADM")
-    inertia = np.linalg.inv(np.block([[A, D], [D.T, M]]))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", lm.errors.InertiaWarning)
-        system = lm.LiePoissonSystem(G, KineticEnergy((inertia + inertia.T) / 2))
-    mu = np.r_[exact(KIRCHHOFF["Pi0"]), exact(KIRCHHOFF["P0"])]
-    return system, system.state(mu, motion(exact(KIRCHHOFF["R0"]), exact(KIRCHHOFF["x0"])))
-
-
-EXP, CAYLEY, ADJOINT = map(lm.CovariantVariational, (lm.Exponential(), lm.Cayley(), CayleyAdjoint()))
-METHODS = [lm.RKMK(order=2), lm.RKMK(order=4), lm.RKMK(order=4, truncation="closed"), EXP, CAYLEY, ADJOINT]
-
-
 def test_energy_casimirs_and_spatial_momentum_of_the_reference() -> None:
-    system, start = kirchhoff()
+    system, start, _ = kirchhoff_body()
     mu, g = np.array(start.mu), np.array(start.g)
     assert system.energy(mu) == pytest.approx(float(KIRCHHOFF["energy"]), rel=8 * EPS)
     assert scaled(system.casimirs(mu), exact([KIRCHHOFF["casimir_P_dot_P"], KIRCHHOFF["casimir_Pi_dot_P"]])) < 4 * EPS
     spatial = np.r_[exact(KIRCHHOFF["spatial_angular_momentum"]), exact(KIRCHHOFF["spatial_linear_momentum"])]
     assert scaled(system.spatial_momentum(mu, g), spatial) < 4 * EPS
-
-
-@pytest.mark.sample(3)
-@pytest.mark.parametrize("method", METHODS, ids=lambda m: f"{m.name}-{m.retraction!r}")
-def test_order_against_the_reference(method: lm.Method) -> None:
-    system, start = kirchhoff()
-    sample, errors = KIRCHHOFF["samples"][1], []
-    mu, g = (np.r_[exact(sample["Pi"]), exact(sample["P"])], motion(exact(sample["R"]), exact(sample["x"])))
-    for n in (10, 20, 40):
-        run = lm.integrate(system, method, start, h=float(sample["t"]) / n, steps=n, every=n, compiled=False)
-        errors.append(max(np.abs(run.mu[-1] - mu).max(), np.abs(run.g[-1] - g).max()))
-    assert np.log2(errors[1] / errors[2]) == pytest.approx(method.order, abs=0.05)
-
-
-@pytest.mark.parametrize("method", METHODS, ids=lambda m: f"{m.name}-{m.retraction!r}")
-def test_what_the_group_keeps(method: lm.Method) -> None:
-    """Spatial momentum and Casimirs over 1000 steps, to rounding; g stays on the group."""
-    system, start = kirchhoff()
-    run = lm.integrate(system, method, start, h=0.05, steps=1000)
-    spatial = system.spatial_momentum(run.mu, run.g)
-    assert np.abs(spatial - spatial[0]).max() < 1e-13
-    assert np.abs(system.casimirs(run.mu) - np.array(system.casimirs(start.mu))).max() < 1e-14
-    assert max(G.defect(g) for g in run.g[::100]) < 1e-13
-
-
-@pytest.mark.compiled
-@pytest.mark.parametrize("method", METHODS, ids=lambda m: f"{m.name}-{m.retraction!r}")
-def test_compiled_runs_have_the_bits_of_plain_ones(method: lm.Method) -> None:
-    system, start = kirchhoff()
-    plain, native = (lm.integrate(system, method, start, h=0.1, steps=50, compiled=c) for c in (False, True))
-    assert native.compiled
-    assert same_bits(plain.mu, native.mu)
-    assert same_bits(plain.g, native.g)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("method", [EXP, CAYLEY, ADJOINT], ids=named)
-def test_energy_oscillates_without_drift(method: lm.Method) -> None:
-    system, start = kirchhoff()
-    run = lm.integrate(system, method, start, h=0.1, steps=2000)
-    error = np.abs(np.array(system.energy(run.mu)) - system.energy(np.array(start.mu)))
-    assert error[1000:].max() < 1.2 * error[:1000].max()
-    assert error.max() < 2e-2
-
-
-def test_steps_run_backwards() -> None:
-    system, start = kirchhoff()
-    there = lm.integrate(system, EXP, start, h=0.1, steps=30)
-    back = lm.integrate(system, EXP, system.state(there.mu[-1], there.g[-1]), h=-0.1, steps=30)
-    assert np.abs(back.mu[-1] - np.array(start.mu)).max() < 1e-11
-    assert np.abs(back.g[-1] - np.array(start.g)).max() < 1e-11
 
 
 @pytest.mark.compiled

@@ -1,25 +1,16 @@
-"""Unit quaternions: the laws of a group, and the covering of SO(3) that turns all its formulas into
-theirs.
-"""
+"""Unit quaternions: the laws of a group, and the covering of SO(3) that turns all its formulas into theirs."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import mpmath as mp
 import numpy as np
 import pytest
+from bare import map_of
 from scipy.spatial.transform import Rotation
 
 import liemech as lm
-
-
-def of(group: lm.LieGroup, name: str) -> Callable[..., Any]:
-    """A map of a group, or of its algebra."""
-    return getattr(group if hasattr(group, name) else group.algebra, name)
-
 
 EPS = 2.0**-52
 Q, R = lm.UnitQuaternions(), lm.SO3()
@@ -59,10 +50,6 @@ def mp_quaternion(xi: np.ndarray) -> list[mp.mpf]:
     return [mp.sin(angle / 2) / angle * a for a in x] + [mp.cos(angle / 2)]
 
 
-def test_laws() -> None:
-    assert lm.check_group(Q)
-
-
 @pytest.mark.parametrize("group", [Q, lm.VectorSpace(3)], ids=repr)
 def test_the_cayley_map_of_the_adjoint_representation_is_the_same(group: lm.LieGroup) -> None:
     assert lm.check_retraction(lm.CayleyAdjoint(), group)
@@ -70,12 +57,6 @@ def test_the_cayley_map_of_the_adjoint_representation_is_the_same(group: lm.LieG
     ad = np.stack([group.ad(xi, unit) for unit in np.eye(3)], axis=1)
     by_ad = np.linalg.solve(np.eye(3) - ad / 2, np.eye(3) + ad / 2)
     assert np.abs(np.stack([group.Ad(group.cayley(xi), unit) for unit in np.eye(3)], axis=1) - by_ad).max() <= 8 * EPS
-
-
-@pytest.mark.slow
-@pytest.mark.compiled
-def test_laws_in_native_code() -> None:
-    assert lm.check_group(Q, native=True)["native code"].verdict == "holds"
 
 
 # ---------------------------------------------------------------- accuracy
@@ -126,7 +107,7 @@ def test_a_step_is_rounded_by_what_it_adds(name: str) -> None:
     """
     for size in (1e-12, 1e-5, 0.3, 1.2, 1.3, 5.0):
         for xi in directions(size):
-            ours, product = getattr(Q, "compose_" + name)(Q.identity(), xi), of(Q, name)(xi)
+            ours, product = getattr(Q, "compose_" + name)(Q.identity(), xi), map_of(Q, name)(xi)
             assert np.abs(ours[:3] - product[:3]).max() <= 4 * EPS * np.abs(product[:3]).max()
             assert abs(ours[3] - product[3]) <= 4 * EPS
 
@@ -150,7 +131,7 @@ def test_covering_is_a_homomorphism(rng: np.random.Generator) -> None:
     assert np.array_equal(Q.matrix(Q.identity()), np.eye(3))
     assert np.array_equal(Q.matrix(-q), Q.matrix(q))
     for name in ("exp", "cayley"):
-        assert np.abs(Q.matrix(of(Q, name)(xi)) - getattr(R, name)(xi)).max() <= 8 * EPS
+        assert np.abs(Q.matrix(map_of(Q, name)(xi)) - getattr(R, name)(xi)).max() <= 8 * EPS
     assert np.abs(Q.Ad(q, xi) - R.Ad(Q.matrix(q), xi)).max() <= 16 * EPS
     assert np.abs(Q.Ad_star(q, mu) - R.Ad_star(Q.matrix(q), mu)).max() <= 16 * EPS
     assert np.abs(Q.K(q, mu) - R.K(Q.matrix(q), mu)).max() <= 16 * EPS
@@ -196,17 +177,6 @@ def test_a_body_turns_as_with_matrices() -> None:
         assert np.abs(Q.defect(turned[0].g)).max() <= 16 * EPS
 
 
-@pytest.mark.slow
-@pytest.mark.compiled
-def test_compiled_runs_equal_plain_ones() -> None:
-    system = lm.LiePoissonSystem(Q, lm.KineticEnergy([1.0, 1.6, 2.3]))
-    start = system.state([0.4, -0.5, 0.7], Q.random(5))
-    for method in (lm.RKMK(order=4), lm.CovariantVariational(lm.Cayley())):
-        a, b = (lm.integrate(system, method, start, h=0.1, steps=50, compiled=c) for c in (False, True))
-        assert np.array_equal(a.mu, b.mu)
-        assert np.array_equal(a.g, b.g)
-
-
 # ---------------------------------------------------------------- membership, batches
 
 
@@ -244,7 +214,7 @@ def test_batches_equal_rows(method: str) -> None:
     g, h, xi = Q.random(rng, n), Q.random(rng, n), rng.normal(size=(n, 3))
     g = np.where(g[:, 3:] >= 0.0, g, -g)
     args = {"compose": (g, h), "Ad": (g, xi), "compose_exp": (g, xi), "exp": (xi,)}.get(method, (g,))
-    whole = of(Q, method)(*args)
+    whole = map_of(Q, method)(*args)
     some = [0, 1, 777, n - 1]
-    rows = np.array([of(Q, method)(*(a[i] for a in args)) for i in some])
+    rows = np.array([map_of(Q, method)(*(a[i] for a in args)) for i in some])
     assert np.array_equal(whole[some], rows)
