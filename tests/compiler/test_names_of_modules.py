@@ -74,6 +74,7 @@ EDITS = {
 }
 
 
+@pytest.mark.slow
 def test_every_edit_counts_in_the_next_run_and_the_next_step() -> None:
     module = made()
     system = module.Turning(lm.SO3())

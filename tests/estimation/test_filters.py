@@ -316,9 +316,8 @@ def test_what_is_linear_is_kalmans_filter(make):
 
 @pytest.mark.slow
 def test_a_bent_cloud_is_normal_in_the_algebra():
-    """Headings spread by 0.4 rad and a step forward make a bent cloud in the plane, whose errors in the
-    algebra are normally distributed as the filter says (Long et al., The banana distribution is Gaussian,
-    2012).
+    """Headings spread by 0.4 rad and a step forward make a bent cloud in the plane, whose errors in the algebra are
+    normally distributed as the filter says (Long et al., The banana distribution is Gaussian, 2012).
     """
     group, spread = lm.SE2(), 0.4
     ukf = es.UnscentedFilter(es.Turning(group, [1e-9] * 3))
@@ -516,6 +515,7 @@ WIDE = [(lm.SO3(), 3, 0), (lm.SE2(), 1, 2), (lm.SE3(), 3, 3)]
 """Groups, and how many components of an error are angles and how many are shifts."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [es.ErrorStateFilter, es.UnscentedFilter])
 @pytest.mark.parametrize("side", SIDES)
 @pytest.mark.parametrize("group, angles, shifts", WIDE, ids=["SO3", "SE2", "SE3"])

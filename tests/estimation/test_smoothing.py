@@ -208,6 +208,7 @@ def test_a_sensor_that_has_measured_nothing_changes_nothing(drift):
     assert np.array_equal(*paths)
 
 
+@pytest.mark.slow
 def test_what_is_found_does_not_depend_on_where_it_begins():
     process, u, x, h = tour(6)
     group, at = process.group, np.array([2, 4, 6])
@@ -250,6 +251,7 @@ class Seen(es.Sensor):
         return lm.vec(g[0, 2], g[1, 2])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("at", [0, 10, 20])
 def test_one_position_does_not_tell_a_path_of_poses(at):
     """It may turn about the position; variances were negative."""

@@ -29,6 +29,7 @@ def run(made: Any, method: Any, t_end: float = 0.02, **options: Any) -> Any:
     return lm.Plan(made[0], method, **given).run(made[1], t_end=t_end, t_eval=times)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_steps_are_those_of_the_equation_written_out(method: Any) -> None:
     """The same control by the same norm: as many steps, rejected ones too, and the same way between them."""
@@ -120,6 +121,7 @@ def test_events_between_adaptive_steps(compiled: bool) -> None:
     assert np.array_equal(seen.t, np.linspace(0, 0.6, 9)[np.linspace(0, 0.6, 9) <= times[0]])
 
 
+@pytest.mark.slow
 def test_recorded_functions_and_jumps_of_inputs() -> None:
     """At the ends of all steps; a step ends where an input jumps."""
     made, method = hinged(3), lm.RKMK(order=5)
@@ -216,6 +218,7 @@ def test_an_interrupted_run_keeps_its_steps(monkeypatch: pytest.MonkeyPatch) -> 
     assert np.array_equal(run_so_far.mu, whole.mu[: len(run_so_far)])
 
 
+@pytest.mark.slow
 def test_what_is_refused_or_written_out() -> None:
     """Members choose steps of their own, and are written out; Taylor's method in a chart that has no such form is refused."""
     made = hinged(3)

@@ -242,6 +242,7 @@ def hanging(n: int) -> tuple[Linkage, Any]:
     return linkage, linkage.state(angles={0: [0.9, 0.1, 0.3]}, rates={1: [1.5, -0.4, 0.2]})
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_runs_of_links_stop_and_go_on_with_the_same_bits(tmp_path: Path) -> None:
     linkage, start = hanging(5)

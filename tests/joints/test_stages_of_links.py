@@ -74,6 +74,7 @@ def test_between_steps_it_goes_on_from_where_it_has_drifted():
     assert np.abs(run.at(0.19).g - halves.g[19]).max() < 30.0 * np.abs(run.g[9] - halves.g[18]).max()
 
 
+@pytest.mark.slow
 def test_loops():
     """A parallelogram, as the same with the method that keeps its conditions."""
     rod = lm.joints.Link.rod(1.0, 1.0, 0.02)

@@ -231,6 +231,7 @@ def test_on_a_constant_structure_order_two_is_the_implicit_midpoint_rule() -> No
     assert end(system, 2, [0.4, 0.3], 0.3, 5, compiled=False) == pytest.approx(midpoint.last.y, rel=4e-16)
 
 
+@pytest.mark.slow
 def test_in_logarithms_it_is_the_method_of_the_constant_structure() -> None:
     """u = log y has the bracket c, and H(exp u) is its energy."""
 
@@ -327,6 +328,7 @@ def test_native_code_has_the_bits(name: str, order: int) -> None:
     assert np.array_equal(end(system, order, y, h, few, compiled=True), end(system, order, y, h, few, compiled=False))
 
 
+@pytest.mark.slow
 def test_the_energy_does_not_drift() -> None:
     """10^4 steps: the largest errors of an independent program, 2.204e-6 at order 4, in the first half and the second."""
     system, y, h = CASES["species"]
@@ -359,6 +361,7 @@ def test_it_is_composed_and_steps_in_fictive_time() -> None:
     assert max(eighths) == pytest.approx(np.ptp(run.energy[:-1]), rel=0.05)
 
 
+@pytest.mark.slow
 def test_derivatives_of_runs() -> None:
     """The tangent map is a Poisson map too; by the start it is the transpose of the gradient."""
     system, y, h = CASES["species"]

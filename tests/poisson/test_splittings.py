@@ -356,16 +356,6 @@ def test_casimirs_over_a_million_steps() -> None:
                 assert kept.verdict == "bounded"
 
 
-@pytest.mark.slow
-@pytest.mark.compiled
-@pytest.mark.parametrize(("system", "start", "h"), [CASES[1], CASES[3]], ids=["species", "particle"])
-def test_native_code_and_ensembles_have_the_same_bits(system: Any, start: Any, h: float) -> None:
-    many = system.state(np.asarray(start.y) * np.linspace(1.0, 1.1, 5)[:, None])
-    native = lm.integrate(system, lm.Splitting(order=4), many, h=h, steps=10, compiled=True, progress=False)
-    plain = lm.integrate(system, lm.Splitting(order=4), system.state(many.y[3]), h=h, steps=10, compiled=False)
-    assert np.array_equal(native.y[:, 3], plain.y)
-
-
 @pytest.mark.parametrize(
     "method",
     [

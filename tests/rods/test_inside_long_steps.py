@@ -16,6 +16,7 @@ def swinging():
     return rod, rod.at_rest(rod.shape(start=LEVEL))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("h", [2e-3, -2e-3])
 def test_times_between_steps_are_shorter_steps(h):
     rod, start = swinging()

@@ -142,6 +142,7 @@ def test_waves_along_the_rod_are_those_of_a_row_of_masses(component):
     assert found[1] == pytest.approx(np.pi * speed, rel=3e-3)  # of the rod: c pi/L
 
 
+@pytest.mark.slow
 def test_bending_waves_have_timoshenkos_dispersion():
     K, J, errors = SECTION.stiffness, SECTION.inertia, []
     k = np.pi * np.arange(1, 4)

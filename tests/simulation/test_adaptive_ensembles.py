@@ -119,6 +119,7 @@ def test_parameters_and_tolerances_of_every_body() -> None:
         assert np.array_equal(runs.mu[:, i], one.mu)
 
 
+@pytest.mark.slow
 def test_an_ensemble_goes_on_and_is_divided() -> None:
     starts = BODY.state(mu=MU[:17])
     whole = native().run(starts, t_end=[2.0] * 17, t_eval=TIMES)

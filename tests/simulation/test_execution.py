@@ -57,6 +57,7 @@ class Clock:
         return self.now
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [None, 3, 19])
 @pytest.mark.parametrize("wait", [0.0, 0.002, 0.003])
 @pytest.mark.parametrize("every", [1, 7])

@@ -111,6 +111,7 @@ def test_native_blocks_agree_with_the_tangent_map() -> None:
         compared(lm.Plan(BODY, lm.RKMK(order=4), h), START, ["start", "inertia"], steps=steps)
 
 
+@pytest.mark.slow
 def test_steps_of_an_error_estimate_are_held_fixed() -> None:
     plan = lm.Plan(TOP, lm.RKMK(order=5), rtol=1e-4, compiled=False)
     compared(plan, TOP_START, ["start", "weight"], t_end=1.0)

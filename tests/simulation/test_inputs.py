@@ -99,6 +99,7 @@ def test_a_closed_loop_against_scipy() -> None:
     assert np.abs(loop.mu - y[:3]).max() < 1e-8 and np.abs(loop.g.ravel() - y[3:]).max() < 1e-8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.KickDrift()], ids=["RKMK", "KickDrift"])
 @WORLDS
 def test_every_body_of_an_ensemble_has_its_own(method: Any, compiled: bool) -> None:

@@ -74,6 +74,7 @@ def test_a_tangent_map_is_the_derivative(method: Any, system: Any, start: Any) -
     assert np.abs(run.tangent["start"][-1] - differences(plan, start, 6)).max() < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.sample(2)
 @WORLDS
 @pytest.mark.parametrize("mu", [(0.0, 0.0, 0.0), (0.0, 0.8, 0.0)], ids=["rest", "axis"])

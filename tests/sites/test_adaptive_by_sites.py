@@ -151,6 +151,7 @@ def test_breaks_and_rejected_steps() -> None:
         lm.integrate(spins(), lm.RKMK(order=5), spins().state(mu=directions()))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compiled", [None, False])
 def test_a_site_that_fails(compiled: Any) -> None:
     n = 20

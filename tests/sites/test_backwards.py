@@ -488,6 +488,7 @@ def test_gradient_and_pullback(monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.abs(found - components.ravel() @ whole[9:]).max() < 1e-13
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("adaptive", [False, True])
 def test_gradients_of_systems_that_are_written_out(adaptive: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """A loss of all numbers of few sites in a row, and cotangents by sites, as the tangent map says."""

@@ -120,6 +120,7 @@ def test_total_momentum_is_that_of_a_symmetry() -> None:
     assert seen["total momentum"].verdict == "not seen"
 
 
+@pytest.mark.slow
 @native
 def test_methods_of_single_sites() -> None:
     """Of methods that take no system of all sites as one body, too."""

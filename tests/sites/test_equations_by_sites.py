@@ -100,6 +100,7 @@ def test_the_structure_is_kept(method: Any, monkeypatch: pytest.MonkeyPatch) -> 
     assert off < 1e-8 if method.symplectic else off > 1e-4
 
 
+@pytest.mark.slow
 @native
 @pytest.mark.parametrize("method", [lm.SphericalMidpoint(), lm.ImplicitMidpoint()], ids=repr)
 def test_the_total_spin_is_kept_and_by_the_plain_midpoint_the_energy(method: Any) -> None:

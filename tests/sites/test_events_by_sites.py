@@ -205,6 +205,7 @@ def test_events_of_all_and_of_totals_in_the_order_of_the_motion(how: str) -> Non
         assert run.steps == 16  # the last one from 4.5 to 4.8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", TURNS)
 def test_an_event_of_all_that_fails_leaves_the_steps_before(how: str) -> None:
     """It divides by zero from t = 4 on: samples, zeros and carry are those of the steps before."""
@@ -226,6 +227,7 @@ def test_an_event_of_all_that_fails_leaves_the_steps_before(how: str) -> None:
         assert sign * run.carry.t < 4.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", TURNS)
 def test_a_zero_in_nearly_every_step_of_a_long_run(how: str) -> None:
     """Wherever the run stood between two looks, the states there are those of the motion."""
@@ -244,6 +246,7 @@ def test_splittings_by_colours_see_zeros_of_totals_however_far_samples_are_apart
     assert run.events[0][0] == pytest.approx(np.pi * np.array([0.5, 1.5, 2.5, 3.5]), abs=1e-7)
 
 
+@pytest.mark.slow
 def test_one_function_sees_few_and_many_sites_alike() -> None:
     """The states of 90 spins are written out, of 110 not: a row of numbers, in both."""
     seen: dict[int, Any] = {}
@@ -326,6 +329,7 @@ def test_no_zero_of_a_total_is_missed_in_long_steps() -> None:
     assert len(run.events[0][0]) == 31
 
 
+@pytest.mark.slow
 @native
 def test_steps_between_few_samples_see_the_zeros_that_all_steps_see(tmp_path: Path) -> None:
     """However far samples are apart, the driver stands still at changes of sign."""

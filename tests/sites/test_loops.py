@@ -152,6 +152,7 @@ def test_a_formula_of_pairs_that_asks_for_one_site_is_refused() -> None:
         run(lm.RKMK(order=2), system, spins(9), None, 0.01, 2, 8)
 
 
+@pytest.mark.slow
 def test_against_scipy() -> None:
     s = spins(N)
 

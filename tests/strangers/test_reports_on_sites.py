@@ -89,6 +89,7 @@ def test_a_spin_turns_about_its_field_in_the_sense_of_the_bracket() -> None:
     assert np.allclose(run.mu[-1], [np.cos(1.0), np.sin(1.0), 0.0], rtol=0.0, atol=1e-14)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pair", [(0, 1), (1, 0)])
 @pytest.mark.parametrize("n", [2, 8])
 def test_a_bond_turns_both_of_its_spins(n: int, pair: tuple[int, int]) -> None:

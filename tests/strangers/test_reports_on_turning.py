@@ -168,6 +168,7 @@ def falling(t: float, state: Any) -> Any:
 rising.direction, falling.direction = 1, -1  # type: ignore[attr-defined]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", [{"h": 0.05}, {"rtol": 1e-10, "atol": 1e-12}], ids=["fixed", "adaptive"])
 def test_two_events_of_one_condition_are_both_met(how: dict[str, Any]) -> None:
     """SciML/ModelingToolkit.jl#4870: of two one-sided events with the same condition one was never called.  About a body
