@@ -263,24 +263,6 @@ def test_a_group_moves_itself(rng: np.random.Generator) -> None:
 # ---------------------------------------------------------------- many at once
 
 
-@pytest.mark.compiled
-@each(
-    [
-        SPHERES[0],
-        lm.actions.LinearAction(SL3),
-        lm.actions.CoadjointAction(SE3),
-        lm.actions.TranslationAction(3),
-        lm.actions.LeftMultiplication(SO3),
-    ]
-)
-def test_batches_equal_rows(action: lm.GroupAction) -> None:
-    rng, n = np.random.default_rng(12), 2100
-    g, x, xi = (action.group.random(rng, n), action.random(rng, n), rng.normal(size=(n, action.group.dim)))
-    for name, a in {"act": g, "exp_act": xi, "infinitesimal": xi}.items():
-        whole, some = getattr(action, name)(a, x), [0, 1, 777, n - 1]
-        assert np.array_equal(whole[some], [getattr(action, name)(a[i], x[i]) for i in some]), name
-
-
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("n", [10, 2100])
 @each([SPHERES[0], lm.actions.LinearAction(SO3), lm.actions.CoadjointAction(SO3), lm.actions.LeftMultiplication(SO3)])

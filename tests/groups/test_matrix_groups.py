@@ -298,21 +298,6 @@ def test_logarithm_outside_the_image_of_exp() -> None:
 
 @pytest.mark.slow
 @pytest.mark.compiled
-@pytest.mark.parametrize("group", [Rotations(), SU(2)], ids=repr)
-def test_batches_give_the_same_bits(group: MatrixLieGroup) -> None:
-    """Thousands of elements, small and large, through native code, equal the formulas row by row."""
-    rng = np.random.default_rng(2)
-    xi, mu = rng.normal(size=(2, 2100, group.dim)) * rng.choice([1e-3, 1.0, 2.0], size=(2100, 1))
-    for name in ("exp_Ad_star", "dexp_inv_dual"):
-        many, few = map_of(group, name)(xi, mu), map_of(group, name)(xi[:50], mu[:50])
-        assert same_bits(np.ascontiguousarray(many[:50]), few), name
-    g = group.exp(xi)
-    assert np.array_equal(g[:50], group.exp(xi[:50]))
-    assert group.contains(g).all()
-
-
-@pytest.mark.slow
-@pytest.mark.compiled
 def test_an_ensemble_moves_as_its_bodies_do() -> None:
     """In SIMD lanes, with steps so different that the series have different lengths."""
     group = SO(4)

@@ -254,20 +254,6 @@ def test_shortcuts(motion: Motion) -> None:
         assert close(carry(xi, mu), G.Ad_star(tau(xi), mu), 32)
 
 
-@pytest.mark.sample(8)
-@pytest.mark.parametrize("side", SIDES)
-def test_series_of_the_inverse_differential(motion: Motion, side: str) -> None:
-    """Cut after ad^q: the sum of Bernoulli terms, term by term."""
-    G, xi = motion.group, 0.3 * motion.xi
-    ad = motion.linear(G.ad, xi if side == "right" else -xi)
-    bernoulli = (1, -1 / 2, 1 / 6, 0, -1 / 30, 0, 1 / 42, 0, -1 / 30, 0, 5 / 66, 0, -691 / 2730)
-    total = np.zeros((motion.dim, motion.dim))
-    for q, b in enumerate(bernoulli):
-        total = total + b / math.factorial(q) * np.linalg.matrix_power(ad, q)
-        found = motion.linear(lambda x, eta: G.algebra.dexp_inv_series(x, eta, q), sided(xi, side))  # noqa: B023
-        assert close(found, total, 16)
-
-
 DIFFERENTIALS = {"exp": mp_dexp, "cayley": mp_dcayley, "cayley_adjoint": mp_dcayley_adjoint}
 
 

@@ -203,18 +203,3 @@ def test_random_quaternions_are_uniform() -> None:
     assert np.abs(Q.defect(q)).max() <= 4 * EPS
     assert np.abs(q.mean(axis=0)).max() < 0.03
     assert np.abs(q.T @ q / len(q) - np.eye(4) / 4).max() < 0.02
-
-
-@pytest.mark.sample(3)
-@pytest.mark.compiled
-@pytest.mark.parametrize("method", ["exp", "log", "compose", "Ad", "compose_exp", "cayley_inv", "matrix", "defect"])
-def test_batches_equal_rows(method: str) -> None:
-    rng = np.random.default_rng(11)
-    n = 2100
-    g, h, xi = Q.random(rng, n), Q.random(rng, n), rng.normal(size=(n, 3))
-    g = np.where(g[:, 3:] >= 0.0, g, -g)
-    args = {"compose": (g, h), "Ad": (g, xi), "compose_exp": (g, xi), "exp": (xi,)}.get(method, (g,))
-    whole = map_of(Q, method)(*args)
-    some = [0, 1, 777, n - 1]
-    rows = np.array([map_of(Q, method)(*(a[i] for a in args)) for i in some])
-    assert np.array_equal(whole[some], rows)
