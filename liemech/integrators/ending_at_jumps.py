@@ -129,15 +129,22 @@ class EndingAtJumps(Wrapping):
         anew, and after them once more.
         """
         at, end, lasting, going = t, t + h, h, True
+        cut = self.is_cut(system, t, h) if self.method.joins else False
         while going:
             to = self.next_end(system, at, end)
             begin, s = self.kept_away(at, to, where(at == t and to == end, h, to - at))
             if self.anew:
-                memory, lasting = self._begun(system, memory, lasting, s), s
+                memory, lasting = self._begun(system, memory, cut or lasting != s, s), s
             after = self.method.step(during(system, begin, s, self.beyond), begin, memory, s)
             memory = fitted(after, layout_of(memory))  # constant entries of poses carry no rest
             at, going = to, where(h > 0.0, to < end, to > end)
-        return self._begun(system, memory, lasting, h) if self.anew else memory
+        return self._begun(system, memory, cut or lasting != h, h) if self.anew else memory
+
+    def is_cut(self, system: Any, t: float, h: float) -> bool:
+        """Does an input jump in a step, or at its ends?"""
+        near, end = where(h > 0.0, 2.0, -2.0) * slack_of(t, t + h), t + h
+        cut: bool = self.next_end(system, t - near, end + near) != end + near
+        return cut
 
     def parts(self, system: Any, t: float, h: float) -> list[tuple[float, float]]:
         """Where the parts of a step begin, and their lengths, outside of formulas."""
@@ -149,9 +156,9 @@ class EndingAtJumps(Wrapping):
             at = to
         return parts
 
-    def _begun(self, system: Any, memory: Any, lasting: float, h: float) -> Any:
-        """The memory of steps of length `lasting` for those of length h."""
-        if lasting != h:
+    def _begun(self, system: Any, memory: Any, anew: bool, h: float) -> Any:
+        """The memory, or if the method begins anew one of steps of length h."""
+        if anew:
             anew = self.method.start(system, self.method.observe(memory), h)
             memory = fitted(anew, layout_of(memory))  # numbers that carry a derivative go on with it
         return memory

@@ -71,6 +71,7 @@ class Method(Record):
         """A short name for tables and pictures."""
         return repr(self)
 
+    joins: ClassVar[bool] = False  # does its last motion wait for the first one of the next step?
     together: ClassVar[bool] = False  # does it step all sites of a system at once, not one by one?
     settles: ClassVar[bool] = False  # is what is shown of all sites found where it is looked at?
 

@@ -106,6 +106,20 @@ def check(method: Any, case: str) -> None:
     assert np.array_equal(whole.at(0.47).mu, within.mu[1])
 
 
+@pytest.mark.parametrize("small", [1000, 0], ids=["written out", "by sites"])
+@pytest.mark.parametrize("method", [lm.SublatticeSplitting(), lm.BondSplitting()], ids=repr)
+def test_the_order_stays_where_a_table_jumps_at_ends_of_steps(method: Any, small: int, monkeypatch: Any) -> None:
+    """The last motion of a step, joined with the first one of the next, would see the other side of the jump."""
+    table = lm.PiecewisePolynomial.constant([0.0, 0.5, 1.0], [1.0, -2.0])
+    system, errors = driven(Pulse(table)), []
+    monkeypatch.setattr(lm.System, "small", small)
+    wanted = exact((0.5,), lambda t: [-float(table(t)), 0.0, 0.0], 1.0)
+    for steps in (4, 8):
+        run = lm.integrate(system, method, system.state(mu=spins()), h=1.0 / steps, steps=steps, compiled=False)
+        errors.append(np.abs(run.mu[-1].reshape(N, 3) - wanted).max())
+    assert np.log2(errors[0] / errors[1]) > 1.7
+
+
 @native
 def test_where_sites_are_written_out_the_bits_are_the_same(monkeypatch: Any) -> None:
     term, _, _, breaks = CASES["breaks"]

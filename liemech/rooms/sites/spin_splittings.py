@@ -40,6 +40,7 @@ class TermSplitting(Remembering):
     _motions: ClassVar[type[MotionsOfTerms]]
     symmetric: ClassVar[bool] = True
     adds: ClassVar[bool] = False  # it turns
+    joins: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
