@@ -74,6 +74,8 @@ class Method(Record):
     joins: ClassVar[bool] = False  # does its last motion wait for the first one of the next step?
     together: ClassVar[bool] = False  # does it step all sites of a system at once, not one by one?
     settles: ClassVar[bool] = False  # is what is shown of all sites found where it is looked at?
+    looked_into: ClassVar[bool] = True  # does the memory before a step of all sites stay beside the one after it?
+    place_of_site: ClassVar[Any] = None  # of every site the one in memory, if they lie in another order
 
     def step(self, system: Any, t: float, state: Any, h: float) -> Any:
         """The state after one step of length h from time t: a formula, without side effects."""

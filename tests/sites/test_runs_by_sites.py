@@ -13,6 +13,7 @@ from terms_of_spins import Exchange, Zeeman
 import liemech as lm
 from liemech.compiler import kernel
 from liemech.errors import IncompatibleSystem, InvalidInput, NotFinite
+from liemech.rooms.sites.runs import samples
 from liemech.systems.lie_poisson import BodyState
 
 N = 40
@@ -52,6 +53,17 @@ def plan() -> Any:
 @pytest.fixture(scope="module")
 def run(plan: Any) -> Any:
     return plan.run(plan.system.state(mu=directions()), steps=57)
+
+
+@pytest.mark.parametrize("every", [1, 3])
+def test_few_samples_at_once(every: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The samples are there however few the driver writes before Python looks."""
+    plan = lm.Plan(spins(), lm.SublatticeSplitting(), h=0.05, every=every, progress=False, compiled=False)
+    start = plan.system.state(mu=directions())
+    whole = plan.run(start, steps=7)
+    monkeypatch.setattr(samples, "MOST", 2)
+    by_parts = plan.run(start, steps=7)
+    assert np.array_equal(by_parts.t, whole.t) and np.array_equal(by_parts.mu, whole.mu)
 
 
 @pytest.mark.slow

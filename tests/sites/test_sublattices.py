@@ -442,13 +442,15 @@ def test_overflow_is_told() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", [lm.SublatticeSplitting(4), lm.BondSplitting()], ids=repr)
-@pytest.mark.parametrize("every", [1, 100])
-def test_the_site_that_overflows_is_named(method: Any, every: int) -> None:
+@pytest.mark.parametrize(
+    "saved", [{"every": 1}, {"every": 100}, {"every": 100, "record": [("spin", lambda t, site: site.mu)]}]
+)
+def test_the_site_that_overflows_is_named(method: Any, saved: dict[str, Any]) -> None:
     fields = np.outer(np.arange(40) == 23, [0.0, 0.0, 1e200])
     system = spins(40, Exchange(1.0).over(near.ring(40)), Zeeman(lm.each(fields)))
     start = system.state(mu=directions(40))
     with pytest.raises(IntegrationFailure, match=r"overflowed.*site 23, after step 0") as caught:
-        lm.integrate(system, method, start, h=0.1, steps=100, every=every, progress=False)
+        lm.integrate(system, method, start, h=0.1, steps=100, progress=False, **saved)
     assert caught.value.trajectory.t[-1] == 0.0
 
 

@@ -105,9 +105,11 @@ class SiteLoops:
         t.fail_if(failed)
 
     def begin_pass(self) -> None:
-        """Begin a pass over the sites of this thread, or over its share of a range."""
+        """Begin a pass over the sites of this thread, as far as its planes have any, or over its share of a range."""
         b, loop = self.b, self.t.state.site_loop
         begin, end = b.function.args[4:6]
+        places = loop.sites.step
+        end = b.select(b.icmp_signed("<", end, places), end, places)
         if loop.range is not None:
             first, last = loop.range
             groups = b.sdiv(b.sub(last, first), I64(TOGETHER))

@@ -21,6 +21,8 @@ class StepsTogether(Record):
 
     together: ClassVar[bool] = True
     settles: ClassVar[bool] = False
+    looked_into = True
+    place_of_site = None
     symmetric: ClassVar[bool] = False
 
     def __repr__(self) -> str:

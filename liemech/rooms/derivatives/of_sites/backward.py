@@ -19,7 +19,6 @@ from ....systems.canonical import CanonicalState
 from ....systems.in_time.inputs import during
 from ....systems.lie_poisson import BodyState
 from ...sites.runs.driver import require_finite
-from ...sites.runs.turns import copied_site
 from ...sites.terms.terms import at_time
 from ...sites.terms.terms_at_site import at_this_site, in_shape
 from ..steps_backwards import FieldTurn, Question, SiteMotion, StepPart
@@ -77,11 +76,16 @@ def moved(way: WayBack, part: StepPart, states: Any, n: int) -> None:
     for k, motion in enumerate(way.motions):
         for _ in range(int(part.kind == k)):
             if isinstance(motion, FieldTurn):
-                each(states, copied_site, states, n, states, n + 1, way.state)
+                each(states, copied_site, states, n, way.state)
                 begin, end = int(part.begin), int(part.end)
                 some(states, begin, end, one_moved, way, motion, part, states, n)
             else:
                 each(states, one_moved, way, motion, part, states, n)
+
+
+def copied_site(states: Any, n: int, layout: Any) -> None:
+    """A site that stays as it is."""
+    save(states, n + 1, load(states, n, layout), layout)
 
 
 def one_moved(way: WayBack, motion: SiteMotion, part: StepPart, states: Any, n: int) -> None:

@@ -1,7 +1,14 @@
 """Runs of one system of many sites, step by step over the sites.
 
-Read plan.py (which runs go by sites), run.py (the loop: a `Course`) and driver.py (the compiled steps of all sites).
-turns.py are splittings by colours, chains.py chains and rings that are solved as a whole; linkages are in
-`joints/in_memory/`.  states.py and prepared.py lay out the sites, lists.py finds neighbours, execution.py calls native
-code on threads and writes what samples.py has; events.py, totals.py and between.py look at a run.
+In the order in which one reads:
+
+    plan.py         which runs go by sites, and of which class they are
+    run.py          `SiteRun`: the loop in Python, a `Course`; samples, times inside of steps, failures
+    driver.py       the loop in native code, `advance_sites`, around the step of one site
+    turns.py        splittings by colours, a step of all sites together; chains.py: chains and rings, solved as a whole
+    states.py, prepared.py, execution.py    where numbers of sites lie, and who runs native code on them
+    samples.py, events.py, totals.py        what a run keeps, zeros that it looks for, sums over the sites
+    between.py      the motion between samples; lists.py: of the sites that are near each other
+
+Runs of linkages are in `joints/in_memory/`.
 """

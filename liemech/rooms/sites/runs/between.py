@@ -39,19 +39,19 @@ class BetweenEnds:
         """The state at one time, or at many, (m,), whose arrays then have a leading axis.  Raises InvalidInput
         for times outside the run.
         """
-        t, given = self.t, one_or_many(times)
-        at = within_run(np.atleast_1d(given).astype(float), t)
+        t, asked_times = self.t, one_or_many(times)
+        at = within_run(np.atleast_1d(asked_times).astype(float), t)
         sign = 1.0 if t[-1] >= t[0] else -1.0
         step = np.searchsorted(sign * t, sign * at, "right") - 1
-        found = {name: x[step] for name, x in self.ends.items()}  # a copy
+        states = {name: x[step] for name, x in self.ends.items()}  # a copy
         between = at != t[step]
         for k in np.unique(step[between]):
-            some = np.flatnonzero(between & (step == k))
-            inner, back = np.unique(sign * at[some], return_inverse=True)
+            at_step = np.flatnonzero(between & (step == k))
+            inner, back = np.unique(sign * at[at_step], return_inverse=True)
             for name, x in self.inside(int(k), sign * inner).items():
-                found[name][some] = x[back]
-        one: Any = 0 if given.ndim == 0 else slice(None)
-        return state_of(self.kind, {name: x[one] for name, x in found.items()})
+                states[name][at_step] = x[back]
+        which: Any = 0 if asked_times.ndim == 0 else slice(None)
+        return state_of(self.kind, {name: x[which] for name, x in states.items()})
 
 
 class SitesBetween(BetweenEnds):
@@ -72,8 +72,8 @@ class SitesBetween(BetweenEnds):
     def inside(self, k: int, times: np.ndarray) -> dict[str, np.ndarray]:
         run = self.run  # whose states may have drifted from constraints, as a start must not
         start = run.system._vouched(self.kind(**{name: x[k] for name, x in self.ends.items()}))
-        seen = self.plan.run(start, steps=1, t0=float(self.t[k]), t_eval=times)
-        return dict(seen.states)
+        states_at_times = self.plan.run(start, steps=1, t0=float(self.t[k]), t_eval=times)
+        return dict(states_at_times.states)
 
 
 @frozen(eq=False)
@@ -102,8 +102,8 @@ class SitesDense(BetweenEnds):
         rows = np.empty((len(ways), 1 + ways[0][1].size))
         for row, (t, memory) in zip(rows, ways):
             row[0], row[1:] = t, memory.ravel()
-        given = first_of(run.state), run.count, rows, method.dense_order
-        return cls(run.plan.system, method, *given, run.plan.options.compiled)
+        motion = first_of(run.state), run.count, rows, method.dense_order
+        return cls(run.plan.system, method, *motion, run.plan.options.compiled)
 
     @property
     def t(self) -> np.ndarray:
@@ -135,23 +135,23 @@ class SitesDense(BetweenEnds):
 
     def _parts(self, rows: np.ndarray) -> dict[str, np.ndarray]:
         """The parts of states, of their numbers, (m, width, sites)."""
-        found: dict[str, np.ndarray] = self.system.as_users_see(unpacked(self.shape.state, np.moveaxis(rows, 1, -1)))
-        return found
+        parts: dict[str, np.ndarray] = self.system.as_users_see(unpacked(self.shape.state, np.moveaxis(rows, 1, -1)))
+        return parts
 
     def inside(self, k: int, times: np.ndarray) -> dict[str, np.ndarray]:
         """On the way of the step, as for `t_eval`."""
         memory, shape = self.memory[k : k + 2], self.shape
         sites = Planes(rows_of(memory.reshape(-1, self.sites)), self.sites)
-        looking, found = shape.looking.of_a_run(), []
+        looking, rows = shape.looking.of_a_run(), []
         for t in times.tolist():
-            begun, end = self.t[k : k + 2].tolist()
-            moment = Moment(t, (t - begun) / (end - begun), 1.0)
-            seen, _, failures, _ = shape.look(looking, shape.site, moment, sites)
+            begin, end = self.t[k : k + 2].tolist()
+            moment = Moment(t, (t - begin) / (end - begin), 1.0)
+            states_at_times, _, failures, _ = shape.look(looking, shape.site, moment, sites)
             if failures is not None:
                 error = failures[-1] if failures else NotFinite("a state is not finite")
                 raise failure(error, "dense output", f"between two steps, t = {t:g}")
-            found.append(seen.array[:, : self.sites])
-        return self._parts(np.array(found))
+            rows.append(states_at_times.array[:, : self.sites])
+        return self._parts(np.array(rows))
 
     def then(self, rest: SitesDense) -> SitesDense:
         """This motion and the one that follows it."""

@@ -7,12 +7,12 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ....compiler.driver import accepted, attempt, itself, numbers, read, reason, write
-from ....compiler.sites.planes import each, load, save
+from ....compiler.sites.planes import at, each, load, save
 from ....errors import NotFinite
 from ....formulas import Record, Vec, record, vec, where
 from ....formulas.classes.layouts import NUMBER, carried_layout, layout_of
 from ....formulas.numbers.conversions import fitted
-from ....formulas.sites import total
+from ....formulas.sites import own, total
 from ....formulas.sums import total as added
 from ....integrators.rkmk import TrialStep
 from ....simulation.compiled.control import CLOCK, GOAL, going, sample, stepped
@@ -83,9 +83,15 @@ class OverSites(OfMethod):
         """The memory of the method for this site, in one of its copies."""
         return load(self.sites, here, self.memory)
 
+    def seen(self, here: int) -> Any:
+        """The memory of the method for this site as a user numbers them."""
+        if self.method.place_of_site is None:
+            return load(self.sites, here, self.memory)
+        return at(self.sites, own(self.method.place_of_site), here, self.memory)
+
     def step(self, system: Any, t: float, place: Place, h: float) -> Place:
-        """A step of all sites, from one copy of the memory to the other."""
-        there = 1 - place.copy
+        """A step of all sites, from one copy of the memory to the other if there are two."""
+        there = 1 - place.copy if self.method.looked_into else place.copy
         self.go(system, t, place.copy, there, h)
         return Place(there)
 
@@ -199,8 +205,8 @@ def one_step(sites: OverSites, system: Any, t: float, h: float, here: int, there
 
 def one_rate(sites: OverSites, system: Any, t: float, here: int) -> None:
     """The velocity of one site, which is to be finite."""
-    one, state = at_this_site(system), sample(sites.method, sites.of_site(here))
-    require_finite(one.rate(t, one.essential_part(state)))
+    at_site, state = at_this_site(system), sample(sites.method, sites.of_site(here))
+    require_finite(at_site.rate(t, at_site.essential_part(state)))
 
 
 def require_finite(value: Any) -> None:
@@ -235,14 +241,16 @@ class Embedded(OfMethod):
     ending: ClassVar[None] = None
     settles: ClassVar[bool] = False
     together: ClassVar[bool] = False
+    looked_into: ClassVar[bool] = True
+    place_of_site: ClassVar[Any] = None
 
     def __repr__(self) -> str:
         return repr(self.method)
 
     def start(self, system: Any, state: Any, h: float) -> Standing:
         """A state, of which the velocity is still to be found."""
-        rest = vec(*[0.0 for _ in range(system.group.dim)])
-        return Standing(state, rest, (rest,) * (self.method.curve_terms if self.curves else 0))
+        at_rest = vec(*[0.0 for _ in range(system.group.dim)])
+        return Standing(state, at_rest, (at_rest,) * (self.method.curve_terms if self.curves else 0))
 
     def observe(self, memory: Standing) -> Any:
         """The state."""
@@ -258,10 +266,10 @@ def one_trial(
 ) -> None:
     """A step on probation of one site."""
     old, method = sites.of_site(here), sites.method.method
-    made = method.trial(at_this_site(system), t, old.state, old.velocity, h, rtol, atol, dense)
-    new = Standing(made.state, made.velocity, made.curve)
+    trial = method.trial(at_this_site(system), t, old.state, old.velocity, h, rtol, atol, dense)
+    new = Standing(trial.state, trial.velocity, trial.curve)
     require_finite(new)
-    write(sites.told, 0, (made.error, made.share), PAIR)
+    write(sites.told, 0, (trial.error, trial.share), PAIR)
     save(sites.sites, there, new, sites.memory)
 
 
@@ -276,19 +284,19 @@ def one_velocity(sites: OverSites, system: Any, t: float, rtol: float, atol: flo
 
 def one_change(sites: OverSites, system: Any, t: float, h: float, rtol: float, atol: float, here: int) -> None:
     """The change of the velocity of one site in an Euler step."""
-    old, one = sites.of_site(here), at_this_site(system)
-    given = t, old.state, old.velocity, h, rtol, atol
-    write(sites.told, 0, (sites.method.method.change_of_velocity(one, *given), 0.0), PAIR)
+    old, at_site = sites.of_site(here), at_this_site(system)
+    arguments = t, old.state, old.velocity, h, rtol, atol
+    write(sites.told, 0, (sites.method.method.change_of_velocity(at_site, *arguments), 0.0), PAIR)
 
 
 def one_remake(sites: OverSites, system: Any, t: float, h: float, here: int) -> None:
     """The step of one site as on probation, without its error, which is that of all."""
-    old, one = sites.of_site(here), at_this_site(system)
+    old, at_site = sites.of_site(here), at_this_site(system)
     if h == 0.0:
-        require_finite(one.rate(t, one.essential_part(old.state)))
+        require_finite(at_site.rate(t, at_site.essential_part(old.state)))
     else:
-        new = sites.method.method.step(one, t, old.state, h)
-        require_finite((new, one.rate(t + h, one.essential_part(new))))
+        new = sites.method.method.step(at_site, t, old.state, h)
+        require_finite((new, at_site.rate(t + h, at_site.essential_part(new))))
 
 
 # ------------------------------------------------------------------ steps and samples
@@ -305,8 +313,8 @@ class Share(Record):
     parts: tuple[str, ...]
 
     def __call__(self, t: float, system: Any, state: Any) -> Any:
-        given = [t if part == "t" else getattr(state, part) for part in self.parts]
-        return getattr(system, self.name)(*given)
+        arguments = [t if part == "t" else getattr(state, part) for part in self.parts]
+        return getattr(system, self.name)(*arguments)
 
 
 @record
@@ -396,19 +404,21 @@ def advance_sites(
     failures : as for `advance`.
     """
     everyone, shown = procedure.over(sites, march), procedure.shown
-    goal, begun = read(goals, 0, GOAL), read(march, 1, MARCH).begun
+    goal, step_begin = read(goals, 0, GOAL), read(march, 1, MARCH).begun
+    soon = SOON if everyone.method.looked_into else 0.5
     n, k = 0, 0
-    moved = begun != begun
+    moved = step_begin != step_begin
     if procedure.every and not moved:
         k = 1
-    begun = read(clocks, 0, CLOCK).t if moved else begun
+    step_begin = read(clocks, 0, CLOCK).t if moved else step_begin
     unknown = tuple([float("nan") for _ in procedure.events])
     before = unknown
     while n <= turns:
         clock, here = read(clocks, 0, CLOCK), read(states, 0, PLACE).copy
         t = clock.t
         if procedure.events and (moved or n == 0):
-            each(sites, one_sample, everyone, system, t, here, procedure.counted, seen, totals, here)
+            everyone.settle(system, t, here)
+            each(seen, one_sample, everyone, system, t, here, procedure.counted, seen, totals, here)
             trial, values = attempt(procedure.values, t, read(totals, here, shown.totals)), unknown
             if accepted(trial, itself):
                 values = trial
@@ -422,15 +432,15 @@ def advance_sites(
         if procedure.every:
             if moved:
                 everyone.settle(system, t, here)
-                each(sites, one_sample, everyone, system, t, here, shown, seen, totals, k)
+                each(seen, one_sample, everyone, system, t, here, shown, seen, totals, k)
                 write(times, k, t, NUMBER)
                 k = k + 1
         else:
-            last = last or (read(times, k, NUMBER) - t) * (t - begun) < 0.0
-            if last or abs(read(times, k, NUMBER) - t) < SOON * abs(clock.h):
+            last = last or (read(times, k, NUMBER) - t) * (t - step_begin) < 0.0
+            if not procedure.events and (last or abs(read(times, k, NUMBER) - t) < soon * abs(clock.h)):
                 everyone.settle(system, t, here)
             while read(times, k, NUMBER) == t:
-                each(sites, one_sample, everyone, system, t, here, shown, seen, totals, k)
+                each(seen, one_sample, everyone, system, t, here, shown, seen, totals, k)
                 if procedure.events:  # the totals are known
                     write(totals, ENDS + k, read(totals, here, shown.totals), shown.totals)
                 k = k + 1
@@ -438,15 +448,15 @@ def advance_sites(
             break
         advance(everyone, system, procedure.control, procedure.place, ROW, 1, 1, goals, states, clocks, out, failures)
         n, moved = n + 1, read(clocks, 0, CLOCK).t != t
-        begun = t if moved else begun
-    write(march, 1, March(float(k), begun), MARCH)
+        step_begin = t if moved else step_begin
+    write(march, 1, March(float(k), step_begin), MARCH)
 
 
 def one_sample(
     sites: OverSites, system: Any, t: float, here: int, shown: Shown, seen: Any, totals: Any, k: int
 ) -> None:
     """The sample of one site."""
-    carry = sites.of_site(here)
+    carry = sites.seen(here)
     state = sample(sites.method, carry)
     looked_at(system, t, state, shown, totals, k)
     if shown.kept:
@@ -456,9 +466,9 @@ def one_sample(
 def looked_at(system: Any, t: float, state: Any, shown: Shown, totals: Any, k: int) -> None:
     """Row number k of the totals of what is shown of one site."""
     if shown.quantities:
-        one = at_this_site(system)
-        found = tuple([total(quantity(t, one, state)) for quantity in shown.quantities])
-        write(totals, k, found, shown.totals)
+        at_site = at_this_site(system)
+        values = tuple([total(quantity(t, at_site, state)) for quantity in shown.quantities])
+        write(totals, k, values, shown.totals)
 
 
 @record

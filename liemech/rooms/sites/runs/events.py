@@ -139,9 +139,9 @@ class StepsOfSites(Moving):
         for end in (k, k + 1):
             if t == self.times[end]:
                 return self.run.seen(self.rows[end]), self.totals[end]
-        found: tuple[np.ndarray, np.ndarray]
-        found = self.run.inside_step(self.rows[k : k + 2], *self.times[k : k + 2].tolist(), t)
-        return found
+        inside: tuple[np.ndarray, np.ndarray]
+        inside = self.run.inside_step(self.rows[k : k + 2], *self.times[k : k + 2].tolist(), t)
+        return inside
 
     def _numbers(self, rows: np.ndarray, totals: np.ndarray) -> np.ndarray:
         """The numbers that events read, of states of all sites, (..., width, sites), and totals, (..., totals)."""
@@ -155,8 +155,8 @@ class StepsOfSites(Moving):
         return np.array([self._numbers(*self.at(k, t)) for k, t in zip(begins, times.tolist())])
 
     def seen_at(self, piece: Any, step: np.ndarray, times: np.ndarray) -> Any:
-        begins, kept = piece.before[step].tolist(), self.run.samples.kept_of
-        return np.array([kept(self.at(k, t)[0]).ravel() for k, t in zip(begins, times.tolist())])
+        begins, kept_of = piece.before[step].tolist(), self.run.samples.kept_of
+        return np.array([kept_of(self.at(k, t)[0]).ravel() for k, t in zip(begins, times.tolist())])
 
     # ---------------------------------------------------------------- the steps
 
@@ -164,25 +164,25 @@ class StepsOfSites(Moving):
         """Some more steps, of which the samples are kept, up to the first event that ends the run.  Ctrl-C leaves the
         run where it was; where an event fails it stands before the step in which it does.
         """
-        run, made = self.run, self.run.samples.made
+        run, count = self.run, self.run.samples.made
         stand, taken = run.stand, run.taken
         values = [*self.events.each[0].values] if self.events else []
-        found: Any = None
+        ends: Any = None
         try:
-            found = self.times, self.rows, self.totals = run.ends(1 if self.events and self.events.fresh else turns)
+            ends = self.times, self.rows, self.totals = run.ends(1 if self.events and self.events.fresh else turns)
             taken = run.taken - (len(self.times) - 1)
             numbers = self._numbers(run.seen(self.rows), self.totals) if self.whole else self.totals
             out = np.column_stack([self.times, numbers])[:, :, None]
             hit = self._look(out, taken)
         except KeyboardInterrupt:
             run.return_to(stand, 0)
-            run.samples.made = made
+            run.samples.made = count
             if self.events:
                 self.events.each[0].values = values
                 self.events.forget()
             raise
         except Exception as error:
-            if found is None or not (hasattr(error, "step") or self.fresh):
+            if ends is None or not (hasattr(error, "step") or self.fresh):
                 raise
             step = getattr(error, "step", 0)
             run.samples.return_to(self.times.item(step))
@@ -211,8 +211,8 @@ class StepsOfSites(Moving):
             if not self.run.march[MET]:
                 return None
             self.here = out[0]
-            given = out.item(0), out[0, 1:, 0]
-            self.events.each[0].values = [self.events._value(0, event, *given) for event in self.plan.events]
+            first = out.item(0), out[0, 1:, 0]
+            self.events.each[0].values = [self.events._value(0, event, *first) for event in self.plan.events]
         piece = PieceOfBodies(self, np.array([0]), out, self.here[0], np.array([taken]))
         return self.events.see(piece).get(0)
 
@@ -220,7 +220,7 @@ class StepsOfSites(Moving):
         """End the run where a terminal event has its zero."""
         run, (step, at, event, _) = self.run, hit
         run.ended, self.cuts[0] = event, event
-        (rows, totals), (begun, end) = self.at(step, at), self.times[step : step + 2].tolist()
+        (rows, totals), (begin, end) = self.at(step, at), self.times[step : step + 2].tolist()
         rows, whole = rows.copy(), self.rows[step + 1].copy()
         run.samples.return_to(at)
         self._keep_up_to(at, step)
@@ -233,7 +233,7 @@ class StepsOfSites(Moving):
         run.end_in_step(at, rows)
         if run.dense:
             lasting = run.shape.lasting
-            part = part_of_way(whole[lasting:], (at - begun) / (end - begun), run.shape)
+            part = part_of_way(whole[lasting:], (at - begin) / (end - begin), run.shape)
             run.ways.append((at, np.concatenate([run._memory[:lasting], part])))
 
     def _keep_up_to(self, end: float, last: int) -> None:
@@ -263,5 +263,5 @@ def part_of_way(curve: np.ndarray, part: float, shape: Any) -> np.ndarray:
     """The coefficients of the first part of a way, Omega(part theta)."""
     terms = len(shape.memory.parts[2].parts)
     powers = part ** (1.0 + np.arange(terms))
-    found: np.ndarray = np.repeat(powers, len(curve) // terms)[:, None] * curve
-    return found
+    part_curve: np.ndarray = np.repeat(powers, len(curve) // terms)[:, None] * curve
+    return part_curve

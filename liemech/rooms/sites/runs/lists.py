@@ -55,8 +55,8 @@ def _sites_of(system: Any, near: Any) -> int:
     """The sites among which pairs are near."""
     if isinstance(near, Among):
         return int(sum(dict(zip(near.of, near.counts)).values()))
-    found: int = getattr(system, "configurations", system.group).copies
-    return found
+    copies: int = getattr(system, "configurations", system.group).copies
+    return copies
 
 
 def _listed(role: RoleAtSite, places: np.ndarray | None) -> RoleAtSite:
@@ -84,10 +84,10 @@ class Lists:
 
     def at(self, g: np.ndarray) -> Any:
         """The site form with lists for these elements of the sites."""
-        there = places_of_sites(self.group, g)
-        if self.places is None or self.moved(there, self.places) > BEFORE * self.skin:
-            self.places = there
-            roles = [_listed(x, there) if _has_lists(x) else x for x in self.roles]
+        places = places_of_sites(self.group, g)
+        if self.places is None or self.moved(places, self.places) > BEFORE * self.skin:
+            self.places = places
+            roles = [_listed(x, places) if _has_lists(x) else x for x in self.roles]
             self.site = with_records(self.site, RoleAtSite, roles)
         return self.site
 

@@ -23,7 +23,8 @@ from ....systems.many.site_state import StateOfSites
 from ....systems.system import State
 from ...hamilton_jacobi.lie_poisson_first_kind import FirstKindHamiltonJacobi
 from ...hamilton_jacobi.lie_poisson_hj import LiePoissonHamiltonJacobi
-from ..spin_splittings import TermSplitting
+from ..colouring import PlacesByColour
+from ..spin_splittings import TermSplitting, terms_of
 from .between import SitesBetween
 from .chains import ChainRun, chained_method
 from .driver import Embedded
@@ -76,36 +77,36 @@ class SitesOfPlan:
         return cls(plan, with_lists(plan._one, site))
 
     def prepared(
-        self, first: State, starts: Planes, curves: bool, every: bool = False, level: float | None = None
+        self, first: State, starts: Planes, inside: bool, every: bool = False, level: float | None = None
     ) -> Any:
-        """Layouts and native code for starts whose first site is like this one.  curves : is the way of
-        adaptive steps needed?  every : are all steps looked at?  level : of the derivative that its numbers carry along.
+        """Layouts and native code for starts whose first site is like this one.  inside : is what lies inside
+        of steps asked for?  every : are all steps looked at?  level : of the derivative that its numbers carry along.
         """
         from .prepared import Prepared
 
-        key = layout_of(first), curves, every
+        key = layout_of(first), inside, every
         if key not in self.known:
-            self.known[key] = Prepared(self.plan, self.site, first, starts, curves, every, level)
+            self.known[key] = Prepared(self.plan, self.site, first, starts, inside, every, level)
         return self.known[key]
 
     def started(self, plan: Any, start: Any, t0: float = 0.0) -> Any:
         """The start with the parts that a run of this plan needs."""
-        known = arguments.known(plan._one, start, t0)
-        start = by_site(plan._one, known)
+        arranged = arguments.known(plan._one, start, t0)
+        start = by_site(plan._one, arranged)
         if plan.recorder is None and plan.record is None:
             return start
         first = first_of(start)
-        points = not {*start.parts} <= {*known.parts}  # which are bodies to the steps
+        points = not {*start.parts} <= {*arranged.parts}  # which are bodies to the steps
         if self.site.jointed and (plan.recorder or points):  # functions of all bodies
             return start
-        wanted = arguments.with_parts(self.site, first, needed(plan, self.site, first)).arrays
-        return type(start)(*(x if n in wanted else None for n, x in start.parts.items()))
+        arrays = arguments.with_parts(self.site, first, needed(plan, self.site, first)).arrays
+        return type(start)(*(x if n in arrays else None for n, x in start.parts.items()))
 
     def as_one(self, start: Any) -> Any:
         """The start as methods look at it, in a row if it is of a linkage or small enough to be written out."""
-        few = isinstance(start, StateOfSites) and start.width <= LARGE * (start.bodies or 1)
-        one = self.plan._one
-        return one._written_out(as_users_see(one, start)) if few or self.site.jointed else start
+        small = isinstance(start, StateOfSites) and start.width <= LARGE * (start.bodies or 1)
+        system = self.plan._one
+        return system._written_out(as_users_see(system, start)) if small or self.site.jointed else start
 
     # ---------------------------------------------------------------- which runs
 
@@ -127,9 +128,9 @@ class SitesOfPlan:
     def functions(self) -> list[tuple[str, str, Callable[..., Any]]]:
         """Names of the user's functions, of what they are, and the functions themselves."""
         recorder = self.plan.recorder
-        found = [] if recorder is None else [*recorder.quantities.items()]
-        found += [(name_of(event), event) for event in self.plan.events]
-        return [(name, second(x), x) for name, x in found if not isinstance(x, str)]
+        functions = [] if recorder is None else [*recorder.quantities.items()]
+        functions += [(name_of(event), event) for event in self.plan.events]
+        return [(name, second(x), x) for name, x in functions if not isinstance(x, str)]
 
     @functools.cached_property
     def summed(self) -> dict[str, Any]:
@@ -152,7 +153,7 @@ class SitesOfPlan:
         plan = self.plan
         whole = plan.adaptive and plan.options.dense
         of_totals = [second(event) == TOTAL for event in plan.events]
-        return bool(of_totals) and all(of_totals) and self.kind.watches and not whole
+        return bool(of_totals) and all(of_totals) and not whole
 
     @functools.cached_property
     def of_sites(self) -> str | None:
@@ -202,8 +203,8 @@ class SitesOfPlan:
         """Is it a state of many sites, or one that has them in a row?"""
         if isinstance(start, StateOfSites) or not isinstance(start, State):
             return isinstance(start, StateOfSites)
-        given = start.arrays
-        return self.plan._one.by_site(given) is not given
+        arrays = start.arrays
+        return self.plan._one.by_site(arrays) is not arrays
 
     def takes(self, start: Any) -> bool:
         """Does a run from here go by sites?"""
@@ -214,10 +215,10 @@ class SitesOfPlan:
         if self.site.jointed or self.chain is not None:
             return True
         numbers = by_site(self.plan._one, start).width // (start.bodies or 1)
-        few = self.plan._one.small * (1 if start.bodies is None else SIDE_BY_SIDE)
+        most = self.plan._one.small * (1 if start.bodies is None else SIDE_BY_SIDE)
         if isinstance(self.plan.method, LiePoissonHamiltonJacobi):
-            few //= 2  # written out it has the derivatives of all numbers by all others
-        return numbers > few or self.of_sites is not None or not self.as_one_body
+            most //= 2  # written out it has the derivatives of all numbers by all others
+        return numbers > most or self.of_sites is not None or not self.as_one_body
 
     def trajectory(
         self, start: Any, steps: int | None, t_end: Any, t0: float, kept: Any, t_eval: Any = None
@@ -229,9 +230,9 @@ class SitesOfPlan:
             return None
         fresh, jointed = not isinstance(start, SiteCarry), self.site.jointed
         state = by_site(self.plan._one, start if fresh else start.state)
-        few = fresh and self.as_one_body and (jointed or state.width <= LARGE * (state.bodies or 1))
+        written_out = fresh and self.as_one_body and (jointed or state.width <= LARGE * (state.bodies or 1))
         whole = not jointed and any(of not in OF_SITES for _, of, _ in self.functions)
-        if few and whole and self.of_sites is None:
+        if written_out and whole and self.of_sites is None:
             return None
         why: Any = self.missing(t_eval, kept, state.bodies is not None)
         if why is None and state.bodies is not None:
@@ -248,7 +249,7 @@ class SitesOfPlan:
             raise IncompatibleSystem(
                 f"integrate: {self.of_sites} is of one site or of totals, and a run by sites has no {why}"
             )
-        if few:
+        if written_out:
             return None
         raise self.too_many(why, state)
 
@@ -278,11 +279,19 @@ class SitesOfPlan:
         from .run import SiteRun
         from .turns import TurnsRun
 
-        plan = self.plan
         if self.chain is not None:
             return ChainRun
-        by_colour = not plan.adaptive and isinstance(uncut(plan._steps.way_of(0)), TermSplitting)
-        return TurnsRun if by_colour else SiteRun
+        return SiteRun if self.places is None else TurnsRun
+
+    @functools.cached_property
+    def places(self) -> PlacesByColour | None:
+        """The places in memory of sites that turn by colours; None for other methods."""
+        splitting = None if self.plan.adaptive else uncut(self.plan._steps.way_of(0))
+        if not isinstance(splitting, TermSplitting):
+            return None
+        motions: Any = splitting._motions(terms_of(self.plan._one))
+        places: PlacesByColour = motions.places
+        return places
 
     @staticmethod
     def member(start: Any, i: int) -> Any:
@@ -297,8 +306,8 @@ class SitesOfPlan:
         stopped: dict[int, Any] = {}
         for i in range(start.bodies):
             try:
-                one = self.member(start, i)
-                runs.append(self.trajectory(one, steps, t_end, t0, None, t_eval))
+                start_of_member = self.member(start, i)
+                runs.append(self.trajectory(start_of_member, steps, t_end, t0, None, t_eval))
             except IntegrationFailure as error:
                 stopped[i] = error
                 run = getattr(error, "trajectory", None)
@@ -315,5 +324,5 @@ class SitesOfPlan:
                 f"{first} after {runs[first].steps} steps. {stopped[first]}",
                 RuntimeWarning,
             )
-        made: Trajectory = of_members(runs, stopped)
-        return made
+        ensemble: Trajectory = of_members(runs, stopped)
+        return ensemble

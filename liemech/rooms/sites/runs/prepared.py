@@ -36,6 +36,7 @@ from .driver import (
 )
 from .events import compiles, totals_class
 from .execution import LONG, SiteExecution
+from .turns import Turns
 
 NONE: Any = kernel.Columns(np.empty(0))
 
@@ -49,33 +50,35 @@ class Prepared:
     beginner : how sites begin.  procedure : how they are taken on.  state : the layout of what is shown of one
     site.  shown : the content of what the driver writes.  ending : where steps are cut; None: nowhere.  keeps : do
     samples have states?  named : an example of totals with their names.  watched : does the driver ask events?
-    turning : how a splitting by colours steps.  paces : of runs of so many sites, how many steps a call has come to make.
+    paces : of runs of so many sites, how many steps a call has come to make.
     """
 
-    turning: Any = None
-
     def __init__(
-        self, plan: Any, site: Any, first: State, starts: Planes, curves: bool, every: bool, level: float | None
+        self, plan: Any, site: Any, first: State, starts: Planes, inside: bool, every: bool, level: float | None
     ) -> None:
-        steps, given = plan._steps, layout_of(first)
+        steps, layout = plan._steps, layout_of(first)
         self.plan, self.site, control, place = plan, site, Equal(True), PLACE  # type: Any, Any, Any, Any
         self.paces: dict[int, int] = {}
-        started, ending, self.h = given, None, 0.0
+        started, ending, self.h = layout, None, 0.0
         if plan.adaptive:
-            control, place, method = Tolerance(curves, False), BESIDE, plan._sites.embedded(curves)
+            control, place, method = Tolerance(inside, False), BESIDE, plan._sites.embedded(inside)
         else:
-            way: Any = plan._sites.method
-            self.h, method = steps.h, uncut(way)
-            ending = None if method is way else way
+            cut_method: Any = plan._sites.method
+            self.h, method = steps.h, uncut(cut_method)
+            ending = None if method is cut_method else cut_method
+            if plan._sites.places is not None:
+                method, ending = Turns.of_splitting(cut_method, method, plan._one, inside), None
             started = layout_of(steps.remembering_of(site, first))
-        some = min(starts.count, SOME)
-        carry = one_site(some, 0, first_memory, Beginner(method, given, started, given), site, self.h, starts)
-        if level is not None:  # all that it carries along may come to depend on the start
+        sites_to_try = min(starts.count, SOME)
+        carry = one_site(sites_to_try, 0, first_memory, Beginner(method, layout, started, layout), site, self.h, starts)
+        if (
+            level is not None and plan._sites.places is None
+        ):  # all that it carries along may come to depend on the start
             carry = with_slopes(carry, level)
         example = rounded(method.observe(carry))
         self.memory, self.state = carried_layout(carry), layout_of(example)
-        self.beginner, self.method = Beginner(method, given, started, self.memory), method
-        self.keeps, quantities, totals = self._shown(example, some, starts)
+        self.beginner, self.method = Beginner(method, layout, started, self.memory), method
+        self.keeps, quantities, totals = self._shown(example, sites_to_try, starts)
         names = totals_class(tuple(plan._sites.summed) if quantities else ())
         self.named = names(*build(totals, iter([0.0] * totals.width)))
         self.watched = every and plan._sites.of_totals and all(compiles(plan, x, self.named) for x in plan.events)
@@ -113,8 +116,8 @@ class Prepared:
     def within(self) -> Procedure:
         """The procedure as of looks inside of steps: at states, even if samples have none."""
         shown = with_fields(self.shown, kept=True, whole=False, layout=self.state)
-        found: Procedure = with_fields(self.procedure, shown=shown, events=())
-        return found
+        procedure: Procedure = with_fields(self.procedure, shown=shown, events=())
+        return procedure
 
     @functools.cached_property
     def looking(self) -> SiteExecution:
@@ -131,11 +134,11 @@ class Prepared:
 
         looking : who looks, for this run.
         """
-        seen, totals = Planes.of_rows(self.state.width, sites.count), np.zeros(max(1, self.shown.totals.width))
+        states, totals = Planes.of_rows(self.state.width, sites.count), np.zeros(max(1, self.shown.totals.width))
         done, failures = np.zeros(1), []  # type: Any, list[Any]
-        given: Any = self.within, site, moment, sites, seen
-        notes = looking.drive((LONG * sites.count, sites.count, workers), given, [totals], [done], failures)
-        return seen, totals, None if done[0] else failures, notes or 0
+        arguments: Any = self.within, site, moment, sites, states
+        notes = looking.drive((LONG * sites.count, sites.count, workers), arguments, [totals], [done], failures)
+        return states, totals, None if done[0] else failures, notes or 0
 
     @functools.cached_property
     def order(self) -> list[int] | None:
@@ -144,8 +147,8 @@ class Prepared:
         """
         numbers = [1.0 + i for i in range(self.memory.width)]
         shown = rounded(self.method.observe(build(self.memory, iter(numbers))))
-        found = leaves(shown, self.state)
-        return [int(x) - 1 for x in found] if all(x in numbers for x in found) else None
+        numbers_shown = leaves(shown, self.state)
+        return [int(x) - 1 for x in numbers_shown] if all(x in numbers for x in numbers_shown) else None
 
     def shown_rows(self, memory: np.ndarray) -> np.ndarray:
         """The states of all sites, (width, sites), in what the method carries along."""
@@ -162,13 +165,13 @@ class Prepared:
 
     def taken_up(self, numbers: np.ndarray, sites: int) -> np.ndarray:
         """Numbers that so many sites carry along, of those that were handed on."""
-        way = self.memory.width - self.lasting
+        width_of_way = self.memory.width - self.lasting
         if numbers.shape != (self.lasting, sites) or numbers.dtype != np.dtype(float):
             raise InvalidInput(
                 f"Plan.resume: the run carries {numbers.shape} numbers of {numbers.dtype} along; this plan has "
                 f"{self.lasting} for each of {sites} sites. Begin anew: plan.run(run.last, t0=run.t[-1], ...)"
             )
-        return np.concatenate([numbers, np.zeros((way, sites))])
+        return np.concatenate([numbers, np.zeros((width_of_way, sites))])
 
     def _shown(self, example: Any, count: int, starts: Planes) -> tuple[bool, tuple[Any, ...], Any]:
         """Do samples have states; the quantities of which they have totals, and the layout of these."""
@@ -176,14 +179,14 @@ class Prepared:
         if self.site.jointed:
             return True, (), carried_layout(())
         sites = self.plan._sites
-        kept = recorder is None or bool(recorder.parts or recorder.chosen or sites.of_all)
+        keeps_states = recorder is None or bool(recorder.parts or recorder.chosen or sites.of_all)
         quantities = sites.summed.values()
-        found = tuple([quantity_of(self.site, wanted, example) for wanted in quantities])
+        quantities_of_site = tuple([quantity_of(self.site, wanted, example) for wanted in quantities])
         numbers: list[Any] = []
-        for quantity in found:
+        for quantity in quantities_of_site:
             arguments = quantity, self.site, self.beginner.given, starts
             numbers.append(one_site(count, 0, _one_value, *arguments))
-        return kept, found, carried_layout(tuple(numbers))
+        return keeps_states, quantities_of_site, carried_layout(tuple(numbers))
 
 
 def quantity_of(site: Any, wanted: Any, example: Any) -> Any:

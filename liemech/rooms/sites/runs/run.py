@@ -75,7 +75,6 @@ class SiteRun(Course):
     """
 
     by_sites = True
-    watches = True  # may the driver of its steps ask events?
     ended: int | None = None  # by which event
     level: float | None = None
     dense = each_end = False  # is the way of all adaptive steps kept, and are there samples at their ends?
@@ -109,18 +108,18 @@ class SiteRun(Course):
         asked, times = self.aim(steps, t_end, t_eval)
         inner = (asked != self.begun) & (asked != self.t_end)
         every = self._looks
-        curves = self.adaptive and bool(every or inner.any())
+        inside = bool(every or (inner.any() if self.adaptive else self.fixed_times and plan._sites.places is not None))
         first, rows = self.laid_out(state)
-        self.starts: Any = Planes(rows_of(rows), self.count)
-        self.shape = shape = plan._sites.prepared(first, self.starts, curves, every, self.level)
+        self.starts: Any = self._planes(rows)
+        self.shape = shape = plan._sites.prepared(first, self.starts, inside, every, self.level)
         self.h, self.pace = shape.h, shape.paces.get(self.count, 1)
         chosen = None if plan.recorder is None else plan.recorder.sites
         self.of_all: dict[str, list[Any]] = {name: [] for name in plan._sites.of_all}
         if self.of_all and not plan.recorder.parts and chosen is None:
             chosen = []  # states are looked at, and not kept
         wide = shape.state.width if shape.keeps else 0
-        many = padded(self.count) if chosen is None else len(chosen)
-        affordable(8 * len(asked) * max(1, wide) * many, self.steps, self.every)
+        width_of_row = padded(self.count) if chosen is None else len(chosen)
+        affordable(8 * len(asked) * max(1, wide) * width_of_row, self.steps, self.every)
         beside = self._look_at_all if self.of_all else None
         self.samples = SamplesOfSites(shape, self.count, asked, times, chosen, beside)
         self.sites = self._room_for(shape.memory.width)
@@ -141,6 +140,16 @@ class SiteRun(Course):
         copies = 2 if self.shape.ending is None else COPIES
         return Planes.of_rows(copies * width, self.count)
 
+    def _planes(self, rows: np.ndarray) -> Planes:
+        """Numbers of all sites, (width, sites), as they lie in memory."""
+        return Planes(rows_of(rows), self.count)
+
+    def _in_copy(self, k: int) -> np.ndarray:
+        """Numbers of all sites, (width, sites), in a copy of the memory."""
+        width = self.shape.memory.width
+        numbers: np.ndarray = self.sites.array[k * width : (k + 1) * width, : self.sites.count]
+        return numbers
+
     def laid_out(self, state: Any) -> tuple[Any, np.ndarray]:
         """The state of the first site, and the numbers of all, (width, sites)."""
         return first_of(state), site_rows(state)
@@ -150,10 +159,10 @@ class SiteRun(Course):
     def aim(self, steps: Any, t_end: Any, t_eval: Any) -> tuple[Any, Any]:
         """Set clock and goal; the times of samples as they were asked for, and as the driver meets them."""
         self.left: Ways = []
-        way, self.every = self.way, self.plan.options.every
+        steps_of_plan, self.every = self.way, self.plan.options.every
         if not self.adaptive:
             self.steps = self.plan._count(steps, t_end, self.t0, self.first)
-            last, h = self.first + self.steps, way.h
+            last, h = self.first + self.steps, steps_of_plan.h
             inner = np.arange(self.first // self.every + 1, -(-last // self.every)) * self.every
             self.numbers = np.array([self.first, *inner, *([last] if self.steps else [])])
             self.t_end = self.t0 + last * h
@@ -161,19 +170,19 @@ class SiteRun(Course):
             if t_eval is None:
                 times = self.t0 + self.numbers * h
                 return times, times
-            wanted = np.asarray(arguments.times(t_eval, self.begun, self.t_end))
-            return wanted, at_steps(wanted, self.t0, h)
+            times_asked = np.asarray(arguments.times(t_eval, self.begun, self.t_end))
+            return times_asked, at_steps(times_asked, self.t0, h)
         self.steps = limit_of(steps, t_end)
         self.t_end = end = arguments.real(t_end, "t_end")
         asked: Any = arguments.times(t_eval, self.begun, end)
         ends = np.array([self.begun, end] if end != self.begun else [end])
         self.dense, self.each_end = self._kept(asked)
         self.ways: list[tuple[float, np.ndarray]] = []
-        self._set_out(self.begun, way.first(self.begun, end), 0, self.steps)
-        self.goals[:4, 0] = end, way.rtol, way.atol, way.longest
-        jumps = way.jumps(self.begun, end) if way.breaks or has_inputs(way.system) else ()
-        found = stretches(jumps, self.begun, end)
-        self.left = until_jumps(self.clocks[:, 0], self.goals[:, 0], self.begun, found)
+        self._set_out(self.begun, steps_of_plan.first(self.begun, end), 0, self.steps)
+        self.goals[:4, 0] = end, steps_of_plan.rtol, steps_of_plan.atol, steps_of_plan.longest
+        jumps = steps_of_plan.jumps(self.begun, end) if steps_of_plan.breaks or has_inputs(steps_of_plan.system) else ()
+        pieces = stretches(jumps, self.begun, end)
+        self.left = until_jumps(self.clocks[:, 0], self.goals[:, 0], self.begun, pieces)
         asked = (ends[:1] if self.each_end else ends) if asked is None else asked
         return asked, asked
 
@@ -199,7 +208,7 @@ class SiteRun(Course):
         shape, done = self.shape, np.zeros(1)
         failures: list[Any] = []
         arguments = shape.beginner, self.site, self.h, self.starts, self.sites
-        sites = self.count * min(LONG, max(1, self.steps)), self.count, self.workers
+        sites = self.count * min(LONG, max(1, self.steps)), self.sites.count, self.workers
         notes = self.executing(shape.beginning).drive(sites, arguments, (), [done], failures)
         if not done[0]:
             error = self._why(failures, notes or 0, lambda i: one_site(self.count, i, one_start, *arguments))
@@ -212,7 +221,7 @@ class SiteRun(Course):
             raise InvalidInput("Plan.resume: the run was made with other steps; start a new one from run.last")
         width = self.shape.memory.width
         numbers = self.shape.taken_up(start.numbers, self.count)
-        self.sites.array[:width] = rows_of(numbers)
+        self.sites.array[:width] = self._planes(numbers).array
         if self.adaptive:
             clock, beyond = self.clocks[:, 0], self.clocks[TIME, 0] != self.begun
             if not beyond:
@@ -248,7 +257,7 @@ class SiteRun(Course):
         """A call of some steps, or a look at where the run stands."""
         if not (self._going or self._pending):
             return None
-        done, turns = self.taken, 0 if self._pending else self.pace
+        done, turns = self.taken, 0 if self._pending and self.steps_seen is not None else self.pace
         if self.checkpoint is not None and turns:
             turns = max(1, self.checkpoint.within(turns))
         self._go(turns)
@@ -256,10 +265,10 @@ class SiteRun(Course):
 
     def _go(self, turns: int) -> None:
         """Some steps at most, and what they come to; the next ones are as many as end soon."""
-        begun = time.perf_counter()
+        since = time.perf_counter()
         self._call(turns)
         self._attend()
-        used = time.perf_counter() - begun
+        used = time.perf_counter() - since
         if turns:
             self.pace = self.shape.paces[self.count] = self._quicker(self.pace, used)
 
@@ -314,8 +323,8 @@ class SiteRun(Course):
     def _going(self) -> bool:
         """Are there more steps to make?"""
         t, taken = self.clocks[TIME, 0], self.clocks[TAKEN, 0]
-        there = (t == self.t_end) if self.adaptive else False
-        return self.ended is None and not there and bool(taken < self.goals[LIMIT, 0])
+        at_end = (t == self.t_end) if self.adaptive else False
+        return self.ended is None and not at_end and bool(taken < self.goals[LIMIT, 0])
 
     @property
     def _pending(self) -> bool:
@@ -351,10 +360,15 @@ class SiteRun(Course):
             self.failures = []
         self.notes, self.march[2], self.march[MET] = 0, 0.0, 0.0
         try:
-            sites = self.count * max(1, left), self.count, self.workers
+            sites = self.count * max(1, left), self.sites.count, self.workers
             stepping.drive(sites, arguments, shared, arrays, self.failures, self._noted)
         finally:
-            samples.take(int(self.march[2]), seen, totals)
+            written = int(self.march[2])
+            samples.take(self._sound(written, seen.array[: written * samples.wide]), seen, totals)
+
+    def _sound(self, samples: int, seen: np.ndarray) -> int:
+        """How many of the samples that the driver has written are kept, of rows of their numbers."""
+        return samples
 
     def _noted(self, calls: Any) -> None:
         """Take down what native code has noted of its steps."""
@@ -367,43 +381,50 @@ class SiteRun(Course):
     def _copy_of_all(self) -> np.ndarray:
         """The copy of the memory in which the sites are, with the places behind the last one."""
         width = self.shape.memory.width
-        found: np.ndarray = self.sites.array[width * self._copy :][:width]
-        return found
+        numbers: np.ndarray = self.sites.array[width * self._copy :][:width]
+        return numbers
 
     @property
     def _memory(self) -> np.ndarray:
         """Numbers that the method carries along for the sites, (width, sites)."""
-        return self._copy_of_all[:, : self.count]
+        return self._in_copy(self._copy)
+
+    def _beside(self, room: int | None = None) -> Any:
+        """A run beside this one, with memory and clock of its own, and with samples if there is room for those of steps."""
+        beside: Any = copy.copy(self)
+        beside.sites = Planes(self.sites.array.copy(), self.sites.count)
+        beside.place, beside.clocks, beside.march = self.place.copy(), self.clocks.copy(), self.march.copy()
+        if room is not None:
+            times = np.full(1 if self.shape.shown.quantities else 0, np.nan)
+            beside.samples = SamplesOfSites(self.shape, self.count, times, times)
+            if self.shape.procedure.every:
+                beside.samples = EndsOfSteps(self.shape, self.count, room)
+        return beside
 
     def _stepped(self, rows: np.ndarray, begun: float, end: float) -> tuple[np.ndarray, np.ndarray]:
         """The states of all sites, (width, sites), and the totals after one step from others, from one time to another: of
-        a run beside this one, with memory, clock and goal of its own.
+        a run beside this one.
         """
         if self.bench is None:
-            self.bench = copy.copy(self)
-            self.bench.sites = self.bench._room_for(self.shape.memory.width)
+            self.bench = self._beside(1)
             self.bench.first, self.bench.steps = 0, 1
-            times = np.zeros(1 if self.shape.shown.quantities else 0)
-            self.bench.samples = SamplesOfSites(self.shape, self.count, times, times)
-            if self.shape.procedure.every:
-                self.bench.samples = EndsOfSteps(self.shape, self.count, 1)
-        one, h = self.bench, end - begun
-        one.begun, one.h = begun, h
-        one.samples.times[:], one.samples.made = begun + h, 0
-        one._set_out(begun, h, 0, 1)
-        one._blank()
+        bench, h = self.bench, end - begun
+        bench.begun, bench.h = begun, h
+        bench.samples.times[:], bench.samples.made = begun + h, 0
+        bench._set_out(begun, h, 0, 1)
+        bench._blank()
         try:
-            one._begin_at(rows)
-            one._steps(1, one.samples)
-            if one.clocks[MARK, 0] != 0.0:
-                one._fail()
+            bench._begin_at(rows)
+            bench._steps(1, bench.samples)
+            if bench.clocks[MARK, 0] != 0.0:
+                bench._fail()
         except IntegrationFailure as error:
             raise self._with_run(error, getattr(error, "site", None)) from error.__cause__
-        return self.shape.shown_rows(one._memory), one.samples.totals[one.samples.made - 1 :].ravel()
+        return self.shape.shown_rows(bench._memory), bench.samples.totals[bench.samples.made - 1 :].ravel()
 
     def _begin_at(self, rows: np.ndarray) -> None:
         """Let the method begin at states of all sites."""
-        self.starts, self.place = Planes(rows_of(rows), self.count), np.zeros((2, 1))
+        self.starts, self.place = self._planes(rows), np.zeros((2, 1))
         self._begin()
 
     def _elements(self) -> np.ndarray:
@@ -418,12 +439,12 @@ class SiteRun(Course):
 
     def _attend(self) -> None:
         """Look at what the driver has come to a stand for."""
-        clock, begun, samples = self.clocks[:, 0], self.march.item(3), self.samples
+        clock, step_begin, samples = self.clocks[:, 0], self.march.item(3), self.samples
         t = float(clock[TIME])
         if self.ended is not None:
             return
-        while self.steps_seen is None and (samples.due - t) * (t - begun) < 0.0:
-            samples.keep(*self.looked(samples.due, begun, t))
+        while self.steps_seen is None and (samples.due - t) * (t - step_begin) < 0.0:
+            samples.keep(*self.looked(samples.due, step_begin, t))
         if clock[MARK] != 0.0:
             self._fail()
         elif self.adaptive and self.failures and self._hopeless:
@@ -435,9 +456,9 @@ class SiteRun(Course):
         """The functions of all sites together that are recorded, at some more samples, (samples, width, sites): in
         plain Python.
         """
-        for k, own in enumerate(rows):
+        for k, numbers in enumerate(rows):
             t = self.samples.asked.item(first + k)
-            state = self.state_of_all(own)
+            state = self.state_of_all(numbers)
             for name, function in self.plan._sites.of_all.items():
                 try:
                     value = np.asarray(function(t, state), dtype=float)
@@ -449,11 +470,9 @@ class SiteRun(Course):
 
     def looked(self, at: float, begun: float, end: float) -> tuple[np.ndarray, np.ndarray]:
         """The states of all sites at a time in the last step, (width, sites), and the totals of what is recorded."""
-        width = self.shape.memory.width
         if self.adaptive:
             return self._on_the_way(self.sites, Moment(at, (at - begun) / (end - begun), float(self._copy)))
-        before = self.sites.array[(1 - self._copy) * width :][:width, : self.count]
-        return self._stepped(self.shape.shown_rows(before), begun, at)
+        return self._stepped(self.shape.shown_rows(self._in_copy(1 - self._copy)), begun, at)
 
     def _on_the_way(self, sites: Planes, moment: Moment) -> tuple[np.ndarray, np.ndarray]:
         """The states of all sites and the totals inside of an adaptive step.  sites : the memory at its ends."""
@@ -480,16 +499,16 @@ class SiteRun(Course):
         """
         if self.shape.watched:
             self._steps(turns, self.samples)
-            times, width = np.array([self.march.item(3), self.clocks.item(TIME, 0)]), self.shape.memory.width
-            copies = self.sites.array[: 2 * width].reshape(2, width, -1)[..., : self.count]
-            onward, made = 2 * self._copy - 1, 1 if times[0] == times[1] else 2
-            return times[-made:], copies[::onward][-made:], self.samples.at_ends[::onward][-made:]
+            times = np.array([self.march.item(3), self.clocks.item(TIME, 0)])
+            copies = np.array([self._in_copy(k) for k in range(2)])
+            onward, count = 2 * self._copy - 1, 1 if times[0] == times[1] else 2
+            return times[-count:], copies[::onward][-count:], self.samples.at_ends[::onward][-count:]
         if self.kept_steps is None:
             self.kept_steps = EndsOfSteps(self.shape, self.count)
-        kept = self.kept_steps
-        kept.go_on(self.clocks.item(TIME, 0))
-        self._steps(min(turns, kept.room), kept)
-        return kept.times[: kept.made], kept.rows, kept.totals[: kept.made]
+        ends = self.kept_steps
+        ends.go_on(self.clocks.item(TIME, 0))
+        self._steps(min(turns, ends.room), ends)
+        return ends.times[: ends.made], ends.rows, ends.totals[: ends.made]
 
     def inside_step(self, pair: np.ndarray, begun: float, end: float, at: float) -> tuple[np.ndarray, np.ndarray]:
         """The states of all sites, (width, sites), and the totals inside of a step.  pair : what is kept of its ends."""
@@ -556,15 +575,15 @@ class SiteRun(Course):
         site = self.site
         if self.shape.ending is not None:
             site = during(site, t, self.h, self.shape.ending.beyond)
-        given: Any = self._everyone, site, t, self.h, here, 1 - here
+        arguments: Any = self._everyone, site, t, self.h, here, 1 - here
         if not self.adaptive:
-            error = self._why(failures, self.notes, lambda i: one_site(self.count, i, one_step, *given))
+            error = self._why(failures, self.notes, lambda i: one_site(self.count, i, one_step, *arguments))
             raise self._ended(self._overflowed(self._origin(error, t)), at)
         if clock[MARK] == STUCK and clock[ANEW] == 0.0:
             error = failures[-1] if failures else None
             raise (self._ended(error, f"step {steps + 1}, t = {t:g}") if is_mistake(error) else self._too_small(error))
         h = 0.0 if clock[ANEW] else to_try(t, clock.item(STEP), goal.item(0), goal.item(3))[0]
-        again: Any = *given[:3], h, here
+        again: Any = *arguments[:3], h, here
         error = self._why(failures, self.notes, lambda i: one_site(self.count, i, one_remake, *again))
         if h == 0.0 or is_mistake(error):
             where = f"step {steps + 1}, t = {t:g}" if steps else f"at the start, t = {t:g}"
@@ -577,9 +596,9 @@ class SiteRun(Course):
         method = self.shape.method
         stub: Any = SimpleNamespace(error_order=method.error_order, shortens=method.shortens, trial=failing)
         columns = [x.reshape(-1) for x in (self.goals, self.place, self.clocks, self.out)]
-        way = self.site, self.shape.procedure.control, self.shape.procedure.place, ROW, 1, 1
+        arguments_of_control = self.site, self.shape.procedure.control, self.shape.procedure.place, ROW, 1, 1
         driver: Any = advance
-        driver(stub, *way, *columns, self.failures)
+        driver(stub, *arguments_of_control, *columns, self.failures)
         if clock[MARK] == STUCK or self._hopeless:
             raise self._too_small(error)
 
@@ -594,8 +613,8 @@ class SiteRun(Course):
         """
         if failures:
             return failures[-1]
-        some = range(max(0, first), min(self.count, max(0, first) + kernel.lanes()))
-        for i in some if first >= 0 or self.count <= FEW else ():
+        near = range(max(0, first), min(self.count, max(0, first) + kernel.lanes()))
+        for i in near if first >= 0 or self.count <= FEW else ():
             try:
                 again(i)
             except TooManySites:
@@ -624,11 +643,11 @@ class SiteRun(Course):
         some = range(self.count)
         if self.count > FEW:
             some = range(0) if near is None else some[max(0, near - AROUND) : near + AROUND]
-        given: Any = self._everyone, self.site, t, self._copy
+        arguments: Any = self._everyone, self.site, t, self._copy
         if isinstance(error, (NotFinite, NoConvergence)):
             for i in some:
                 try:
-                    one_site(self.count, i, one_rate, *given)
+                    one_site(self.count, i, one_rate, *arguments)
                 except TooManySites:
                     break
                 except Exception as found:
@@ -641,14 +660,14 @@ class SiteRun(Course):
         estimate = self.march.item(0)
         site = getattr(error, "site", None)
         what = repr(self.plan.method) if site is None else f"{self.plan.method!r}: site {site}"
-        made = too_small(what, clock[TIME], clock[STEP], goal[1], goal[2], self.taken, error, estimate)
-        return self._with_run(made, site)
+        failure_of_step = too_small(what, clock[TIME], clock[STEP], goal[1], goal[2], self.taken, error, estimate)
+        return self._with_run(failure_of_step, site)
 
     def _ended(self, error: Any, at: str) -> Any:
         """The error of a run whose step failed, with what there is of it."""
         site = getattr(error, "site", None)
-        one = self.plan._one
-        named = getattr(getattr(one, "configurations", one.group), "named", str)
+        system = self.plan._one
+        named = getattr(getattr(system, "configurations", system.group), "named", str)
         beside = getattr(error, "beside", None)
         if site is not None:
             which = f"site {named(site)}" if beside is None else f"sites {named(site)} and {named(beside)}"
@@ -666,21 +685,18 @@ class SiteRun(Course):
         """Functions of all sites together that are recorded, at the first n samples."""
         return {name: np.array(values[:n]) for name, values in self.of_all.items()}
 
-    def lay_down(self) -> None:
-        """Put what the sites carry along in their places."""
-
     def known(self, i: int | None = None) -> dict[str, Any]:
         """Fields of the trajectory that depend on the control."""
         h, rejected = self.h, None
         if self.adaptive:
             h = float((self.clocks[TIME, 0] - self.begun) / max(1, self.most))
             rejected = int(self.clocks[REJECTED, 0])
-        known = {"h": h, "rejected": rejected, "breaks": self.way.breaks}
+        fields = {"h": h, "rejected": rejected, "breaks": self.way.breaks}
         if self.dense:
             from .between import SitesDense
 
-            known["dense"] = SitesDense.of(self)
-        return known
+            fields["dense"] = SitesDense.of(self)
+        return fields
 
     @property
     def most(self) -> int:
@@ -690,10 +706,9 @@ class SiteRun(Course):
     @property
     def standing(self) -> SiteCarry:
         """With what the run goes on from here."""
-        self.lay_down()
         met = SiteCarry.met if self.events is None else self.events.each[0].met
-        found: SiteCarry = self.carry(self._memory.copy(), self.clocks[:, 0].copy(), met)
-        return found
+        carry_of_run: SiteCarry = self.carry(self._memory.copy(), self.clocks[:, 0].copy(), met)
+        return carry_of_run
 
     def carry(self, memory: np.ndarray, clock: np.ndarray, met: Any) -> Any:
         """With what a run goes on; nothing where fixed steps were ended inside of one."""

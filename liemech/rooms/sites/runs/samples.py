@@ -14,6 +14,10 @@ SEEN, ROOM = 256, 2**21
 """Steps, and numbers of all sites at their ends, that are made before somebody looks at them."""
 
 
+MOST = 2**12
+"""Samples of a call at most."""
+
+
 class EndsOfSteps:
     """Where some steps begin, and their ends: times, what is kept of all sites, and totals, which the driver writes
     one behind the other.
@@ -97,13 +101,11 @@ class SamplesOfSites:
         back : a time that every step goes beyond.
         """
         made, seen = self.made, self.seen
-        end = len(self.times) if self.chosen is None else made + 1
-        times = np.append(self.times[made:end], np.nan)
+        end = made + (MOST if self.chosen is None else 1)
+        times = np.append(self.times[made:end], back if end < len(self.times) else np.nan)
         if self.chosen is None:
             seen = Planes(seen.array[made * self.wide :], self.count)
-        elif end < len(self.times):  # up to where there is no more room
-            times[-1] = back
-        return seen, np.zeros((len(self.at_ends) + len(self.times) - made + 1, self.totals.shape[1])), times
+        return seen, np.zeros((len(self.at_ends) + len(times), self.totals.shape[1])), times
 
     def take(self, new: int, seen: Planes, totals: np.ndarray) -> None:
         """Take up so many that the driver has written."""
@@ -115,9 +117,9 @@ class SamplesOfSites:
         """Take some more, of which these are the numbers, (n, width, sites), and the totals; or one, (width, sites)."""
         rows = rows.reshape(-1, *rows.shape[-2:])
         if self.chosen is None and self.wide:
-            kept = self.seen.array[self.made * self.wide :][: len(rows) * self.wide]
-            kept = kept.reshape(*rows.shape[:2], kept.shape[1])
-            kept[..., : self.count], kept[..., self.count :] = rows, rows[..., -1:]
+            planes_of_samples = self.seen.array[self.made * self.wide :][: len(rows) * self.wide]
+            planes_of_samples = planes_of_samples.reshape(*rows.shape[:2], planes_of_samples.shape[1])
+            planes_of_samples[..., : self.count], planes_of_samples[..., self.count :] = rows, rows[..., -1:]
         self._add(rows, totals)
 
     def _add(self, rows: np.ndarray, totals: np.ndarray) -> None:

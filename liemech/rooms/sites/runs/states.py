@@ -33,11 +33,15 @@ def by_site(system: Any, start: Any) -> StateOfSites:
 
 def as_users_see(system: Any, state: Any) -> Any:
     """The inverse of `by_site`."""
-    given = state.arrays
-    seen = system.as_users_see(given)
-    if seen is given:
+    arrays = state.arrays
+    user_arrays = system.as_users_see(arrays)
+    if user_arrays is arrays:
         return state
-    return small_state(one_of(seen), seen) if state.bodies is None else state_of(one_of(seen), seen)
+    return (
+        small_state(one_of(user_arrays), user_arrays)
+        if state.bodies is None
+        else state_of(one_of(user_arrays), user_arrays)
+    )
 
 
 def one_of(arrays: Any) -> type[State]:

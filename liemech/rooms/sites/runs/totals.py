@@ -49,17 +49,17 @@ def energy(system: Any, t: np.ndarray, states: dict[str, np.ndarray]) -> np.ndar
     states = {p: states[p] for p in names_of(kind) if p in states}
     layout = layout_of(first_of(state_of(kind, {p: x[0] for p, x in states.items()})))
     shown = Shown(True, False, layout, (formula,), carried_layout((0.0,)))
-    found, count, width = np.empty((len(t), 1)), states[next(iter(states))].shape[1], layout.width
-    some = max(1, ROWS // (width * padded(count)))
-    for begin in range(0, len(t), some):
-        samples = min(some, len(t) - begin)
+    totals, count, width = np.empty((len(t), 1)), states[next(iter(states))].shape[1], layout.width
+    samples_at_once = max(1, ROWS // (width * padded(count)))
+    for begin in range(0, len(t), samples_at_once):
+        samples = min(samples_at_once, len(t) - begin)
         rows = np.concatenate([_flat(x[begin : begin + samples]) for x in states.values()], axis=1)
         planes = np.empty((samples * width, padded(count)))
         planes[:, :count] = rows.reshape(samples * width, count)
         planes[:, count:] = planes[:, count - 1 : count]
         some_times = t[begin : begin + samples]
-        totals_in(found[begin : begin + samples], site, shown, Planes(planes, count), some_times)
-    return found[:, 0]
+        totals_in(totals[begin : begin + samples], site, shown, Planes(planes, count), some_times)
+    return totals[:, 0]
 
 
 def totals_in(totals: np.ndarray, site: Any, shown: Any, seen: Planes, t: np.ndarray) -> None:
@@ -84,12 +84,12 @@ def constants(system: Any, t: np.ndarray, states: dict[str, np.ndarray]) -> dict
     """The quantities that the motion keeps, by name: the energy, (n,), and on the dual of an algebra the Casimir
     functions of every site, (n, sites).
     """
-    found = {"energy": energy(system, t, states)}
+    constants_of_motion = {"energy": energy(system, t, states)}
     if "mu" in states and hasattr(system, "casimirs"):
         for of_species, group, mu in _by_species(system.group, states["mu"]):
             each = np.asarray(group.casimirs(mu))
-            found |= {f"Casimir {k + 1}{of_species}": each[..., k] for k in range(each.shape[-1])}
-    return found | system.momenta_of_sites(states)
+            constants_of_motion |= {f"Casimir {k + 1}{of_species}": each[..., k] for k in range(each.shape[-1])}
+    return constants_of_motion | system.momenta_of_sites(states)
 
 
 def _by_species(group: Any, mu: np.ndarray) -> list[tuple[str, Any, np.ndarray]]:
