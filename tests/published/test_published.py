@@ -16,6 +16,9 @@ from liemech.rooms.published.compared import Compared, reproduced, title_of
 from liemech.rooms.published.four_bars import four_bars
 
 LONG = {name for name in RESULTS if name != "elastica"}
+QUARTER, _ = quad(lambda q: 1.0 / np.sqrt(1.0 + 2.0 * 9.81 * 3.5 / 3.0 * (1.0 - np.cos(q))), 0.0, np.pi / 2)
+"""The time in which two four-bars fall from upright, where they move with 1 m/s, to their dead point."""
+
 PAGE = Path(__file__).parent.parent.parent / "docs" / "proof" / "published_results.md"
 
 
@@ -61,11 +64,25 @@ def test_every_result_is_on_the_page() -> None:
 @pytest.mark.parametrize("steps", [40, 160])
 def test_a_step_that_lands_on_the_dead_point_goes_on(steps: int) -> None:
     linkage, poses = four_bars(2)
-    weight, inertia = 9.81 * 3.5, 3.0
     upright = linkage.state(rates={"crank 0": 1.0}, near=poses)
-    quarter, _ = quad(lambda q: 1.0 / np.sqrt(1.0 + 2.0 * weight / inertia * (1.0 - np.cos(q))), 0.0, np.pi / 2)
-    run = lm.integrate(linkage, lm.LieRATTLE(), upright, h=quarter / steps, steps=4 * steps, progress=False)
+    run = lm.integrate(linkage, lm.LieRATTLE(), upright, h=QUARTER / steps, steps=4 * steps, progress=False)
     first, last = (run.joint(f"crank {k}").angle for k in (0, 2))
     assert abs(first[steps] - np.pi / 2) < 1.0 / steps**2  # all bars in one line
     assert np.abs(first - last).max() < 1e-9 and np.ptp(first) > np.pi
     assert np.ptp(run.energy) < 200.0 / steps**2
+
+
+@pytest.mark.slow
+@pytest.mark.compiled
+@pytest.mark.parametrize("shift", [0.0, 1e-12, 1e-10, 1e-8, 1e-7])
+@pytest.mark.filterwarnings("ignore::liemech.errors.StepWarning")
+def test_next_to_a_dead_point_a_velocity_is_nearly_right_or_the_run_ends(shift: float) -> None:
+    """Impulses of conditions that depend on each other are none: they threw bars by any velocity."""
+    linkage, poses = four_bars(2)
+    upright = linkage.state(rates={"crank 0": 1.0}, near=poses)
+    h = QUARTER * (1.0 + shift) / 160
+    try:
+        run = lm.integrate(linkage, lm.Composition(lm.LieRATTLE(), order=4), upright, h=h, steps=640, progress=False)
+    except lm.errors.NoConvergence as error:
+        run = error.trajectory
+    assert len(run.t) >= 160 and np.ptp(run.energy) < 2e-3

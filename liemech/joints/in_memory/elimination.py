@@ -16,7 +16,7 @@ from ...formulas.tables import entry, whole
 from ...integrators.kicks.explicit_kicks import negative_pivots
 from ...rooms.sites.block_elimination import BLOCKS, factor, substitute
 from ...systems.kinetic_energy import times
-from .links import REST6, both, speeds, wrenches
+from .links import DEAD_POINT, REST6, both, speeds, wrenches
 
 # ------------------------------------------------------------------ formulas of one joint
 
@@ -211,12 +211,18 @@ def solved(system: Any, equations: Any) -> None:
         nothing_of_hubs(system, equations.solution)
 
 
-def impulses_off(system: Any, sites: Any, work: Any, equations: Any) -> None:
-    """The impulses l' of what leads off the constraint, G J^-1 (mu - G* l') = 0, and their pull on bodies."""
+def impulses_off(system: Any, sites: Any, work: Any, equations: Any) -> bool:
+    """Find the impulses l' of what leads off the constraint, G J^-1 (mu - G* l') = 0, and their pull on bodies.  Returns
+    whether there are any: at a dead point conditions depend on each other.
+    """
     each(sites, excess_of, system, work, equations)
     assembled(system, sites, equations.sides, 1.0, 0.0, work, equations)
-    factored(system, 1.0, equations)
+    dependent = factored(system, 1.0, equations)
     pulled_by_solution(system, sites, work, equations)
+    if dependent >= 0.0:
+        work.failed_joint.put(0, dependent)
+        work.reached.put(0, DEAD_POINT)
+    return dependent < 0.0
 
 
 def require_multipliers(system: Any, work: Any, equations: Any) -> None:
@@ -224,5 +230,5 @@ def require_multipliers(system: Any, work: Any, equations: Any) -> None:
     bad = factored(system, 1.0, equations)
     if bad >= 0.0:
         work.failed_joint.put(0, bad)
-        work.reached.put(0, -1.0)
+        work.reached.put(0, DEAD_POINT)
         raise NoConvergence("the conditions of joints depend on each other")

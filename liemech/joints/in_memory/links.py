@@ -62,6 +62,9 @@ def constant_layouts(system: LinkedBodies, inertia: Layout) -> dict[str, Layout]
     )
 
 
+DEAD_POINT = -1.0
+"""`reached` where conditions of joints depend on each other, and there are no multipliers."""
+
 STANDING = dict(failed_joint=NUMBER, reached=NUMBER, ready=NUMBER)
 """Layouts of where steps stand, in the first place: why one has failed, after which part of it; may the next one begin?"""
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ...compiler.sites.planes import columns, each
+from ...errors import NoConvergence
 from ...formulas import plain, record
 from ...formulas.classes.layouts import Layout
 from ...formulas.classes.records import with_fields
@@ -63,7 +64,8 @@ class MultipleTimeStepsOfLinks(StepsOfLinks):
                 each(sites, slow_force, system, memories.state, work)
             if turn == 1 or turn == 3:
                 each(sites, slowly_kicked, 0.5 * h, memories.state, work)
-                impulses_off(system, sites, work, work.equations.heads(system.most))
+                if not impulses_off(system, sites, work, work.equations.heads(system.most)):
+                    raise NoConvergence("the conditions of joints depend on each other")
                 each(sites, on_the_constraint, memories.state, memories.state, work)
             if turn == 2:
                 for i in range(int(self.ratio)):

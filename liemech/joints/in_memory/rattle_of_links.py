@@ -92,14 +92,17 @@ class RattleOfLinks(StepsOfLinks):
     def settle(self, system: Any, t: float, sites: Any, copy: int, memory: Layout) -> None:
         """Find what is shown of the state to which steps have led: its momentum without what leads off
         the constraint, mu - G* l' with G J^-1 (mu - G* l') = 0.  Steps go on as if nobody had looked.
+        At a dead point, where there is no l', all of the momentum is shown, and the run warns.
         """
         places = columns(sites, copies=(memory, memory), work=system.work)
         numbers, work = places.copies.nth(copy).fields, places.work.fields
         if system.loaded:
             each(sites, copied, numbers.state, numbers.shown)
         elif work.ready.at(0) == READY:
-            impulses_off(system, sites, work, work.equations.heads(system.most))
-            each(sites, on_the_constraint, numbers.state, numbers.shown, work)
+            if impulses_off(system, sites, work, work.equations.heads(system.most)):
+                each(sites, on_the_constraint, numbers.state, numbers.shown, work)
+            else:
+                each(sites, copied, numbers.state, numbers.shown)
 
     def settle_anew(self, system: Any, t: float, sites: Any, copy: int, memory: Layout) -> None:
         """As `settle`, where a step was given up that had begun to write down the next field."""

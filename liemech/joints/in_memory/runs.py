@@ -8,7 +8,15 @@ from typing import Any
 import numpy as np
 
 from ...compiler.sites.planes import Planes, columns
-from ...errors import IncompatibleSystem, IntegrationInterrupted, InvalidInput, NoConvergence, NotFinite
+from ...errors import (
+    IncompatibleSystem,
+    IntegrationInterrupted,
+    InvalidInput,
+    NoConvergence,
+    NotFinite,
+    StepWarning,
+    warn,
+)
 from ...formulas.classes.layouts import layout_of
 from ...formulas.tables import Table
 from ...groups.retractions import Exponential
@@ -36,7 +44,7 @@ from ...simulation.keep import Quantities
 from ...simulation.result import AsItIs
 from ...systems.system import small_state
 from .adaptive_steps_of_links import OVERFLOWED, AdaptiveStepsOfLinks
-from .links import BROKEN, READY, LinkedBodies
+from .links import BROKEN, DEAD_POINT, READY, LinkedBodies
 from .loads_of_links import THROWN
 from .multiple_time_steps_of_links import MultipleTimeStepsOfLinks
 from .rattle_of_links import RattleOfLinks
@@ -278,6 +286,14 @@ class LinksRun(SiteRun):
                 shape.method.settle_anew(self.site, t, self.sites, copy, shape.memory)
         if stopped is not None:
             raise stopped
+        if not self.failures and self.of.reached.at(0) == DEAD_POINT:
+            joint, t = self.plan._one.label(int(self.of.failed_joint.at(0))), self.clocks.item(TIME, 0)
+            warn(
+                f"{self.plan.method!r}: up to t = {t:g} a sample lies at a dead point, at {joint}, whose conditions depend "
+                "there on those of others: its velocity is not led back to them. Steps of another length pass it",
+                StepWarning,
+            )
+            self.of.reached.put(0, 0.0)
 
     def _kept(self, asked: Any) -> tuple[bool, bool]:
         """As of a body: all steps are kept if no times are asked for, and their ways if no functions are recorded."""
@@ -333,7 +349,7 @@ class LinksRun(SiteRun):
                 f"{method}: no velocity found that fits the loads at the end of a step; try h = {0.25 * self.h:g}"
             )
         label = system.label(int(joint))
-        if reached < 0.0:
+        if reached == DEAD_POINT:
             return NoConvergence(
                 f"{method}: at {label} conditions depend on those of other joints, so that there are no "
                 f"multipliers: a dead point{self._left}"
