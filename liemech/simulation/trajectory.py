@@ -334,10 +334,12 @@ class Trajectory:
         system: Any = self.system
         complete = self.bodies is None and not self.observed and len(self.t) == self.steps + 1 > 1
         example = system._reached(**{name: x[0] for name, x in self.states.items()}) if complete else None
-        if isinstance(self.carry, SiteCarry) or isinstance(example, StateOfSites):
+        if isinstance(self.carry, SiteCarry) or (self.carry is None and isinstance(example, StateOfSites)):
             if complete and self.rejected is None:
                 return self._runs_by_sites.between(self, type(example))
             example = None
+        if example is not None:
+            example = system._written_out(example)  # as the run was
         far = abs(self.h) * (1.0 + 1e-6) + 2.0 * np.spacing(np.abs(self.t).max(initial=0.0))
         if example is None or self.rejected is not None or np.abs(np.diff(self.t)).max() > far:
             raise InvalidInput(

@@ -202,3 +202,13 @@ def test_elimination_along_a_chain_and_a_ring_is_that_of_the_whole_matrix(count,
 def test_code_is_one_for_chains_of_all_lengths():
     assert layout_of(order_along(4, False)) == layout_of(order_along(60, False))
     assert layout_of(lm.joints.chain(4).linked.links) == layout_of(lm.joints.chain(60).linked.links)
+
+
+def test_between_the_steps_of_a_run_with_events():
+    """`run.at` gives what `t_eval` does: frames that were written out for events were taken for frames by site."""
+    section = RodSection([1.0, 1.0, 1.0, 2.0, 2.0, 2.0], [0.3, 0.3, 0.5, 1.0, 1.0, 1.0])
+    rod = CosseratRod(section, 0.5, 4, gravity=1.0)
+    plan = lm.Plan(rod, lm.KickDrift(), h=0.05, compiled=False, events=lambda t, state: t - 0.07)
+    start = rod.at_rest()
+    between = plan.run(start, steps=2, t_eval=[0.06])
+    assert np.array_equal(plan.run(start, steps=2).at(0.06).g.ravel(), between.g.ravel())

@@ -145,12 +145,6 @@ class BoundBody(System):
         """The diagonal blocks of the inverse inertia J^-1."""
         return tuple([_block(self.body.body.lagrangian.inverse, start, end) for _, start, end in self.blocks])
 
-    @property
-    def trace(self) -> float:
-        """The sum of the moments on the diagonal of J."""
-        J = self.body.body.lagrangian.inertia
-        return vectors.sum([J[i, i] if isinstance(J, vectors.Mat) else J[i] for i in range(len(J))])
-
     # ---------------------------------------------------------------- formulas
 
     @final

@@ -70,10 +70,10 @@ class SitesBetween(BetweenEnds):
         return Plan(run.system, run.method, h=run.h, breaks=run.breaks, progress=False)
 
     def inside(self, k: int, times: np.ndarray) -> dict[str, np.ndarray]:
-        run = self.run  # whose states may have drifted from constraints, as a start must not
-        start = run.system._vouched(self.kind(**{name: x[k] for name, x in self.ends.items()}))
-        states_at_times = self.plan.run(start, steps=1, t0=float(self.t[k]), t_eval=times)
-        return dict(states_at_times.states)
+        system, t = self.run.system, float(self.t[k])  # states may have drifted from constraints, as a start must not
+        start = system.vouched(system._reached(**{name: x[k] for name, x in self.ends.items()}), t)
+        at_times = self.plan.run(start, steps=1, t0=t, t_eval=times)
+        return dict(at_times.states)
 
 
 @frozen(eq=False)
