@@ -373,6 +373,16 @@ def test_derivatives_of_runs() -> None:
     assert back == pytest.approx(D.T @ [0.3, -1.0, 0.5], rel=1e-13)
 
 
+def test_derivatives_of_order_6_in_logarithms() -> None:
+    """Of a Poisson map of the plane, det D b(y_0) = b(y_1), b = u v.  A start with derivatives is no factor of a series."""
+    species = lm.models.LotkaVolterra()
+    run = lm.Plan(species, lm.PoissonHamiltonJacobi(6), h=0.2, compiled=False).tangent(
+        species.state([1.5, 1.0]), steps=1
+    )
+    D, y = run.tangent["start"][-1], np.array(run.last.y)
+    assert np.linalg.det(D) * 1.5 == pytest.approx(y[0] * y[1], rel=2e-15)
+
+
 @lm.record
 class OneMoment(lm.Hamiltonian):
     first: float = 0.75

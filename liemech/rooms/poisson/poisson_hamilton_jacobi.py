@@ -9,8 +9,24 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...errors import IncompatibleSystem
-from ...formulas import Vec, derivative, dot, exp, expm1, gradient, identity_matrix, jacobian, plain, record, vec
+from ...formulas import (
+    Vec,
+    constant,
+    derivative,
+    dot,
+    exp,
+    expm1,
+    gradient,
+    identity_matrix,
+    jacobian,
+    log,
+    plain,
+    record,
+    vec,
+    where,
+)
 from ...formulas.classes.remembered import Remembered
+from ...formulas.numbers.dual import Dual
 from ...formulas.numbers.series import Series
 from ...formulas.numbers.sizes import one_norms
 from ...groups.linear_motion import motion_terms
@@ -102,7 +118,7 @@ class PoissonHamiltonJacobi(Implicit):
         structure, dH, middle = system.structure, gradient_of(system), t + 0.5 * h
         y, mean = plain(memory.state.y), extrapolated(*memory.past)
         if isinstance(structure, LogCanonical):
-            dH_u, origin = by_logarithms(system, y), vec(*[0.0 for _ in y])
+            dH_u, origin = by_logarithms(system, y), vec(*[logarithm(c) for c in y])
             change, mean = self.change(structure.of_logarithms, dH_u, middle, origin, mean, h, (len(y),), vec(1.0))
             change = y * vec(*[expm1(c) for c in change])
         else:
@@ -148,8 +164,17 @@ def gradient_of(system: Any) -> Any:
     return lambda t, y: system.gradient(y)
 
 
-def by_logarithms(system: Any, start: Vec) -> Any:
-    """The gradient by the coordinates u_i = log(y_i/start_i), of components y_i dH/dy_i."""
+def logarithm(y: float) -> float:
+    """log(y/y_0) for the value y_0 of y: zero, but for derivatives that y carries; zero of y = 0."""
+    if not isinstance(y, Dual):
+        return 0.0
+    size = constant(y)
+    return log(where(size == 0.0, 1.0, y / where(size == 0.0, 1.0, size)))
+
+
+def by_logarithms(system: Any, y: Vec) -> Any:
+    """The gradient by the coordinates u_i = log(y_i/y_0i), of components y_i dH/dy_i, for the values y_0 of y."""
+    start = vec(*[constant(c) for c in y])
 
     def gradient_at(t: Any, u: Vec) -> Vec:
         y = start * vec(*[exp(c) for c in u])
