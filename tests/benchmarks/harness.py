@@ -111,9 +111,10 @@ def work_precision(panels: Mapping[str, Mapping[str, Sequence[tuple[int, float, 
 
     picture, axes = lm.plots.subplots(1, len(panels), figsize=(4.4 * len(panels), 4.4), squeeze=False)
     for ax, (name, methods) in zip(axes[0], panels.items(), strict=True):
-        for method, points in methods.items():
+        for k, (method, points) in enumerate(methods.items()):
             _, us, error = zip(*points)
-            ax.loglog(us, error, "o-", ms=3, lw=1.2, label=method)
+            ax.loglog(us, error, "o-" if k < 6 else "s--", ms=3, lw=1.2, label=method)  # there are six colours
+        ax.xaxis.set_minor_formatter("")
         ax.set(title=name, xlabel="processor time of a run (us)")
         ax.legend(fontsize=7)
     axes[0][0].set_ylabel("error at the end")
