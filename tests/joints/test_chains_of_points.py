@@ -1,6 +1,4 @@
-"""Masses on rods, in positions and as bodies that touch their neighbours only: the same steps, at
-different cost.
-"""
+"""Masses on rods, in positions and as bodies that touch their neighbours only: the same steps, at different cost."""
 
 from __future__ import annotations
 
@@ -38,9 +36,7 @@ def test_a_chain_of_masses_steps_as_a_linkage_of_rods() -> None:
 
 
 def test_only_neighbours_meet_in_its_elimination() -> None:
-    """Rod k has a mass in common with rods k - 1 and k + 1: 3 N - 2 entries, where the chain in
-    positions has N^2.
-    """
+    """Rod k has a mass in common with rods k - 1 and k + 1: 3 N - 2 entries, where the chain in positions has N^2."""
     for count in (4, 9):
         bodies = as_bodies(lm.models.ChainPendulum([1.0] * count, [1.0] * count))
         assert sum(len(row) for row in bodies.shared) == 3 * count - 2

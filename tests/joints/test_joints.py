@@ -152,9 +152,7 @@ def test_numbers_of_joints_are_whole_numbers_of_any_kind(kind: Any) -> None:
 
 
 def test_a_body_at_rest_in_a_field_may_have_a_momentum_of_rounding():
-    """Beside the speed that the weight gives it, in any units; a speed that is none of rounding is
-    refused.
-    """
+    """Beside the speed that the weight gives it, in any units; a speed that is none of rounding is refused."""
     for mass, length in ((1.0, 1.0), (1e-3, 1e3)):  # kg and m, or g and mm
         unit = mass * length**2
         link = lm.joints.Link(mass, [unit, 1.2 * unit, 1.5 * unit])

@@ -300,9 +300,7 @@ def test_what_is_no_start_is_refused():
 
 @lm.record
 class Length(lm.Constraint):
-    """The same sphere by a root, which has no derivative in its centre, where the identity of R^3
-    is.
-    """
+    """The same sphere by a root, which has no derivative in its centre, where the identity of R^3 is."""
 
     def value(self, g):
         return lm.vec(lm.norm(g) - 1.0)

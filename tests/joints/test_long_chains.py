@@ -1,6 +1,4 @@
-"""Many bodies: what is zero for good is neither stored nor multiplied, and the result is that of
-dense matrices.
-"""
+"""Many bodies: what is zero for good is neither stored nor multiplied, and the result is that of dense matrices."""
 
 from __future__ import annotations
 
@@ -52,9 +50,7 @@ def test_elimination_solves_what_dense_matrices_do(seed: int) -> None:
 
 
 def test_work_grows_as_the_number_of_bodies() -> None:
-    """Entries of the matrix of multipliers, and products in its elimination: each further rod adds
-    the same.
-    """
+    """Entries of the matrix of multipliers, and products in its elimination: each further rod adds the same."""
 
     def work(count: int) -> tuple[int, int]:
         chain = library.joints.chain(count)

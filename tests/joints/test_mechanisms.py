@@ -248,9 +248,7 @@ def test_states_have_the_coordinates_and_rates_that_were_asked_for(name: str) ->
 @pytest.mark.slow
 @pytest.mark.parametrize("name", JOINTS)
 def test_springs_and_dampers_fit_every_joint(name: str) -> None:
-    """Forces are gradients of energies, power is what load does; between two bodies momenta are
-    kept.
-    """
+    """Forces are gradients of energies, power is what load does; between two bodies momenta are kept."""
     joint = JOINTS[name]
     forces = [Spring(0, 2.0), Damper(0, 0.3)]
     both = Linkage([Link(1.0, [0.1, 0.2, 0.15]), Link(2.0, [0.3, 0.2, 0.25])], [joint], 0.0, forces)

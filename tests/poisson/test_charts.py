@@ -52,9 +52,7 @@ def test_closed_charts_are_canonical_and_lead_back(chart: Any, y: list[float]) -
     ids=["so(3)*", "species", "Maxwell-Bloch", "Toda"],
 )
 def test_the_construction_of_darboux_and_lie(structure: Any, y: list[float], degrees: int) -> None:
-    """Canonical to 1e-10 near the point, with as many Casimirs as are left, functions of the ones
-    that are known.
-    """
+    """Canonical to 1e-10 near the point, with as many Casimirs as are left, functions of the ones that are known."""
     chart = lm.charts.DarbouxLieChart(structure, y, steps=2)
     assert chart.degrees == degrees
     near = np.array(y) * (1.0 + 0.1 * np.random.default_rng(3).uniform(-1.0, 1.0, len(y)))
@@ -88,9 +86,7 @@ def test_the_construction_where_a_level_is_inside_another() -> None:
 
 @pytest.mark.slow
 def test_a_body_in_andoyers_variables_and_back() -> None:
-    """Order 4 against the exact motion; the momentum stays on its sphere; the step is a Poisson
-    map.
-    """
+    """Order 4 against the exact motion; the momentum stays on its sphere; the step is a Poisson map."""
     mu = [0.9, 0.3, 0.4]
     chart = lm.charts.Andoyer()
     there, start = chart.system(MOMENTA, MOMENTA.state(mu))
@@ -139,8 +135,7 @@ def test_species_in_logarithms_and_back() -> None:
     assert np.allclose(SPECIES.casimirs(back), SPECIES.casimirs(direct.y[0]), rtol=0.0, atol=1e-14)
 
 
-# ---------------------------------------------------------------- local coordinates of a
-# constrained system
+# ---------------------------------------------------------------- local coordinates of a constrained system
 
 GRAVITY = 9.81
 Q0, V0 = [0.6, 0.0, -0.8], [0.4, 1.5, 0.3]
@@ -186,9 +181,7 @@ class Sphere(lm.charts.LocalChart):
 
 @pytest.mark.parametrize("momenta", [True, False], ids=["momenta", "velocities"])
 def test_the_spherical_pendulum_in_local_coordinates(momenta: bool) -> None:
-    """The round trip: into the chart, half a second of motion, and back, against known digits; L_3
-    is an invariant.
-    """
+    """The round trip: into the chart, half a second of motion, and back, against known digits; L_3 is an invariant."""
     chart = Sphere(momenta)
     system = lm.charts.in_coordinates(Particle(), chart)
     x = np.array([*Q0, *V0])
@@ -250,9 +243,8 @@ METHODS = {
 @pytest.mark.parametrize("momenta", [True, False], ids=["momenta", "velocities"])
 @pytest.mark.parametrize("name", METHODS)
 def test_symplectic_on_the_manifold_is_poisson_in_coordinates(name: str, momenta: bool) -> None:
-    """The lemma, both ways and in two kinds of coordinates, one canonical and one not: a Poisson
-    map in them if and only if check_method, which has coordinates of its own, finds the two-form
-    kept.
+    """The lemma, both ways and in two kinds of coordinates, one canonical and one not: a Poisson map in them if and
+    only if check_method, which has coordinates of its own, finds the two-form kept.
     """
     method, symplectic = METHODS[name]
     start = PENDULUM.state(Q0, V0)

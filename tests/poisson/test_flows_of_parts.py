@@ -1,6 +1,4 @@
-"""The motion of every part of every shipped energy is that of its energy, and its slopes are those
-of its energy.
-"""
+"""The motion of every part of every shipped energy is that of its energy, and its slopes are those of its energy."""
 
 from __future__ import annotations
 

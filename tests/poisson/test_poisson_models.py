@@ -1,6 +1,4 @@
-"""Models of Poisson systems, chains and bodies: known motions, known numbers, and one model against
-another.
-"""
+"""Models of Poisson systems, chains and bodies: known motions, known numbers, and one model against another."""
 
 from __future__ import annotations
 
@@ -26,9 +24,7 @@ def velocity_by_differences(f: Any, x: np.ndarray, v: np.ndarray, e: float = 1e-
 
 @pytest.mark.parametrize("periodic", [False, True])
 def test_toda_in_flaschkas_variables_is_toda(periodic: bool) -> None:
-    """The energy is that of (q, p), and the velocity the image of q' = p,
-    p_i' = e^(q_i-1 - q_i) - e^(q_i - q_i+1).
-    """
+    """The energy is that of (q, p), and the velocity the image of q' = p, p_i' = e^(q_i-1 - q_i) - e^(q_i - q_i+1)."""
     lattice, n = lm.models.TodaLattice(4, periodic), 4
     q, p = np.random.default_rng(1).normal(size=(2, n))
     forces = np.exp(q - np.roll(q, -1))
@@ -69,9 +65,7 @@ def test_species_of_one_form_only() -> None:
 
 
 def test_modes_of_a_chain() -> None:
-    """Linear springs keep the energy of every mode; nonlinear ones let the others have some, and
-    keep the sum of all.
-    """
+    """Linear springs keep the energy of every mode; nonlinear ones let the others have some, and keep the sum of all."""
     linear = lm.models.FermiPastaUlam(7, alpha=0.0)
     start = linear.mode(2, 1.5)
     run = lm.integrate(linear, lm.Splitting(order=8), start, h=0.1, steps=40, compiled=False)
@@ -116,9 +110,7 @@ def test_a_top_by_its_vertical_is_the_top_with_its_attitude() -> None:
 
 @pytest.mark.slow
 def test_the_figure_eight_closes() -> None:
-    """To 1e-12 after a period; after a third every body is where the one before it was; the energy
-    is the known one.
-    """
+    """To 1e-12 after a period; after a third every body is where the one before it was; the energy is the known one."""
     system, start = lm.models.NBody.figure_eight()
     assert system.energy(start.q, start.p) == pytest.approx(-1.287141995631857704950953793, rel=1e-15)
     h = EIGHT_PERIOD / 240
@@ -202,9 +194,7 @@ def test_particles_move_by_lorentz_force() -> None:
 @pytest.mark.compiled
 @pytest.mark.slow
 def test_banana_and_passing_orbits() -> None:
-    """The ranges of R and |Z| of both orbits, of the particle and of its guiding centre, which
-    stays beside it.
-    """
+    """The ranges of R and |Z| of both orbits, of the particle and of its guiding centre, which stays beside it."""
     particle = lm.models.ChargedParticle(lm.models.TokamakField())
     for v, low, high in (([0.0, 4.816e-4, -2.059e-3], 1.0074, 1.0853), ([0.0, 9.632e-4, -2.059e-3], 0.9299, 1.0544)):
         start = particle.state([1.05, 0.0, 0.0, *v])
@@ -284,9 +274,7 @@ def test_steps_on_hyperbolas_are_those_of_rk8() -> None:
 
 
 def test_planets_in_jacobis_coordinates() -> None:
-    """The energy and the motion of NBody; two bodies are exact; steps of Wisdom and Holman beside
-    those of Verlet.
-    """
+    """The energy and the motion of NBody; two bodies are exact; steps of Wisdom and Holman beside those of Verlet."""
     system, start = lm.models.PlanetarySystem.outer_solar_system()
     bodies, begin = lm.models.NBody.outer_solar_system()
     assert system.energy(start.y) == pytest.approx(bodies.energy(begin.q, begin.p), rel=1e-13)

@@ -1,6 +1,4 @@
-"""Parts of an energy are recognised by what their formulas do at all points, not at those that
-somebody tried.
-"""
+"""Parts of an energy are recognised by what their formulas do at all points, not at those that somebody tried."""
 
 from __future__ import annotations
 
@@ -77,9 +75,7 @@ def test_smooth_formulas_are_recognised(kind: str) -> None:
 
 
 def test_a_part_with_a_wall_says_what_it_is() -> None:
-    """A ball between soft walls: half a turn of frequency 10 in the wall at 1, half a turn in that
-    at -1.
-    """
+    """A ball between soft walls: half a turn of frequency 10 in the wall at 1, half a turn in that at -1."""
 
     @lm.record
     class Walls(lm.Hamiltonian):

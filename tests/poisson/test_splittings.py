@@ -1,6 +1,4 @@
-"""Poisson integrators: splittings of any number of parts, symplectic Euler in the plane, and their
-defects.
-"""
+"""Poisson integrators: splittings of any number of parts, symplectic Euler in the plane, and their defects."""
 
 from __future__ import annotations
 
@@ -134,9 +132,7 @@ def test_canonical_parts_are_the_separable_system() -> None:
 
 @pytest.mark.slow
 def test_quadratic_parts_of_constant_structures_are_recognised() -> None:
-    """A rotating frame, H = |p|^2/2 + q_1 p_2 - q_2 p_1: an affine motion; with a field of any form
-    order 4.
-    """
+    """A rotating frame, H = |p|^2/2 + q_1 p_2 - q_2 p_1: an affine motion; with a field of any form order 4."""
 
     @lm.record
     class Frame(lm.Hamiltonian):
@@ -257,9 +253,7 @@ def test_symplectic_euler_is_refused_where_it_is_no_poisson_map() -> None:
 
 
 def test_symplectic_euler_of_lotka_and_volterra() -> None:
-    """u_1 = u/(1 - h (v - 2)), v_1 = v + h v (1 - u_1); the adjoint inverts it; a step too large is
-    refused.
-    """
+    """u_1 = u/(1 - h (v - 2)), v_1 = v + h v (1 - u_1); the adjoint inverts it; a step too large is refused."""
     h, (u, v) = 0.1, (1.5, 1.0)
     new = end(SPECIES, lm.PoissonEuler(), START, h, 1)
     u1 = u / (1.0 - h * (v - 2.0))
@@ -291,9 +285,7 @@ def test_orbits_close_or_spiral() -> None:
 
 @pytest.mark.slow
 def test_gauss_methods_are_poisson_maps_for_constant_structures_only() -> None:
-    """Casimirs too: linear ones are kept by every Runge-Kutta method, those of Lotka and Volterra
-    are not.
-    """
+    """Casimirs too: linear ones are kept by every Runge-Kutta method, those of Lotka and Volterra are not."""
     constant = lm.PoissonSystem(
         lm.structures.ConstantStructure([[0, 1.0, 2.0], [-1.0, 0, 0.5], [-2.0, -0.5, 0]]), Quartic()
     )

@@ -269,9 +269,7 @@ def test_brackets_compile() -> None:
 
 
 def test_poissons_theorem() -> None:
-    """Of a central force L_1 and L_2 are invariants, and {L_1, L_2} = L_3; a wrong invariant is
-    refused.
-    """
+    """Of a central force L_1 and L_2 are invariants, and {L_1, L_2} = L_3; a wrong invariant is refused."""
     B = lm.structures.Canonical(3)
 
     def L(i: int, y: Any) -> Any:

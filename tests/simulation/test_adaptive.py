@@ -1,6 +1,4 @@
-"""Adaptive steps: the error estimate, the controller, dense output, events, and what is said when
-they end early.
-"""
+"""Adaptive steps: the error estimate, the controller, dense output, events, and what is said when they end early."""
 
 from __future__ import annotations
 
@@ -81,9 +79,7 @@ def test_the_way_between_the_ends_of_a_step_has_its_order(tableau: lm.tableaus.B
 
 @EVERY_PAIR
 def test_the_error_follows_the_tolerance(tableau: lm.tableaus.ButcherTableau) -> None:
-    """From 1e-4 to 1e-8 both errors fall by at least 10^3, and stay within a factor of the
-    tolerance.
-    """
+    """From 1e-4 to 1e-8 both errors fall by at least 10^3, and stay within a factor of the tolerance."""
     found = []
     for tolerance in (1e-4, 1e-8):
         run = lm.integrate(
@@ -152,9 +148,7 @@ def test_momentum_alone_and_a_first_step_of_ones_own() -> None:
 
 @pytest.mark.slow
 def test_steps_shrink_where_the_motion_is_fast() -> None:
-    """Close to the pole the steps are short, and the driven rotation agrees with one by many small
-    steps.
-    """
+    """Close to the pole the steps are short, and the driven rotation agrees with one by many small steps."""
     system = Driven(lm.SO3(), 0.01)
     start = system.state(np.eye(3))
     run = lm.integrate(system, DP5, start, t_end=0.999, rtol=1e-9, atol=1e-9)

@@ -1,6 +1,4 @@
-"""Short runs in one native call, and plans that share what is prepared with systems of other
-numbers.
-"""
+"""Short runs in one native call, and plans that share what is prepared with systems of other numbers."""
 
 from __future__ import annotations
 
@@ -213,9 +211,7 @@ def test_what_formulas_read_is_seen_by_new_systems_too(monkeypatch: pytest.Monke
 
 @pytest.mark.compiled
 def test_a_short_run_that_fails_says_where() -> None:
-    """Native code comes to a step that fails; plain Python says why, after the samples that went
-    through.
-    """
+    """Native code comes to a step that fails; plain Python says why, after the samples that went through."""
     one, said = body(0.0), []
     start = one.state(mu=[0.3, 0.4, 0.75])
     for compiled in (True, False):

@@ -1,6 +1,4 @@
-"""Where runs begin, end, meet and fail: each of these once gave a wrong number or an error that
-named nothing.
-"""
+"""Where runs begin, end, meet and fail: each of these once gave a wrong number or an error that named nothing."""
 
 from __future__ import annotations
 

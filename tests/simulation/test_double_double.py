@@ -61,9 +61,7 @@ def test_arithmetic_has_31_digits() -> None:
 
 
 def test_elementary_functions_have_31_digits() -> None:
-    """sqrt, cbrt, exp, log, sines, their inverses, relative to the function, or to the angle where
-    that is lost in it.
-    """
+    """sqrt, cbrt, exp, log, sines, their inverses, relative to the function, or to the angle where that is lost in it."""
     with mp.workdps(60):
         for a in numbers(100):
             A, s = exactly(a), a / (abs(a) + 1.0)
@@ -135,9 +133,7 @@ CASES = [
 @pytest.mark.sample(4)
 @pytest.mark.parametrize("method, scene", CASES, ids=lambda x: named(x) if isinstance(x, lm.Method) else x.__name__)
 def test_the_way_back_ends_where_it_began_to_26_digits(method: Any, scene: Any) -> None:
-    """Three steps of h and three of -h of a symmetric method; ordinary numbers show the same
-    samples to rounding.
-    """
+    """Three steps of h and three of -h of a symmetric method; ordinary numbers show the same samples to rounding."""
     system, start = scene()[:2]
     plan = lm.Plan(system, method, 0.05, compiled=False)
     plain, run = (p.run(start, steps=3) for p in (plan, plan.replace(precision="double-double")))
@@ -156,9 +152,7 @@ def test_the_way_back_ends_where_it_began_to_26_digits(method: Any, scene: Any) 
 @pytest.mark.slow
 @pytest.mark.compiled
 def test_native_code_has_the_same_bits_and_keeps_the_structure() -> None:
-    """Casimir, spatial momentum and orthogonality over 20,000 steps, from both words; resumed, and
-    in an ensemble.
-    """
+    """Casimir, spatial momentum and orthogonality over 20,000 steps, from both words; resumed, and in an ensemble."""
     body, start = asymmetric_body()
     plan = lm.Plan(body, CAYLEY, 0.1, precision="double-double", every=50)
     plain, native = (plan.replace(compiled=c).run(start, steps=100) for c in (False, True))
@@ -172,9 +166,7 @@ def test_native_code_has_the_same_bits_and_keeps_the_structure() -> None:
 
 
 def defects(run: Any, start: Any) -> tuple[float, float, float]:
-    """How much of |mu|^2, of the momentum in space and of g g^T was lost, in exact arithmetic on
-    both words.
-    """
+    """How much of |mu|^2, of the momentum in space and of g g^T was lost, in exact arithmetic on both words."""
     words = [Fraction(x) for x in np.ravel(run.carry.numbers)[:24].tolist()]
     x = [words[i] + words[i + 1] for i in range(0, 24, 2)]
     mu, g = x[:3], [x[3 + 3 * i : 6 + 3 * i] for i in range(3)]

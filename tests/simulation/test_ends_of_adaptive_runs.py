@@ -256,9 +256,7 @@ def test_a_body_without_velocity_has_the_samples_that_were_asked_for(compiled: b
 
 @pytest.mark.compiled
 def test_a_mark_of_a_run_that_was_interrupted_is_not_taken_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Python was asked for a step, and Ctrl-C came in it: a run of no length from there has not
-    failed.
-    """
+    """Python was asked for a step, and Ctrl-C came in it: a run of no length from there has not failed."""
     turning = plan(BODY)
     run = turning.run(TURNING, t_end=1.0)
     run.carry.members[1].clock[5] = 2.0

@@ -1,6 +1,4 @@
-"""Plain Python or native code, chosen by the clock: whenever the change comes, the bits are the
-same.
-"""
+"""Plain Python or native code, chosen by the clock: whenever the change comes, the bits are the same."""
 
 from __future__ import annotations
 

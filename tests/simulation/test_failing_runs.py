@@ -1,6 +1,4 @@
-"""What a formula raises in a run: failures of a step, mistakes in the program, and the samples that
-are left.
-"""
+"""What a formula raises in a run: failures of a step, mistakes in the program, and the samples that are left."""
 
 from __future__ import annotations
 
@@ -229,9 +227,7 @@ def test_when_nobody_can_begin() -> None:
 @pytest.mark.slow
 @WORLDS
 def test_a_force_that_raises_at_the_start(compiled: bool | None) -> None:
-    """Splittings evaluate the force before the first step: that is an attempt too, and its formula
-    compiles.
-    """
+    """Splittings evaluate the force before the first step: that is an attempt too, and its formula compiles."""
     for method in (lm.KickDrift(), lm.LieVerlet()):
         top = lm.MechanicalSystem(lm.RigidBody([1.0, 1.5, 2.0]), Cliff())
         good, bad = np.eye(3), np.diag([1.0, -1.0, -1.0])

@@ -32,9 +32,7 @@ def ensemble(n: int, suffix: str, folder: Path) -> tuple[lm.Trajectory, Path]:
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".npz", ".h5"])
 def test_parameters_of_many_systems_are_arrays(suffix: str, tmp_path: Path) -> None:
-    """The text about 300 systems is as long as that about 30, and the file little longer than the
-    samples.
-    """
+    """The text about 300 systems is as long as that about 30, and the file little longer than the samples."""
     lengths = []
     for n in (30, 300):
         run, path = ensemble(n, suffix, tmp_path)
@@ -87,9 +85,7 @@ def test_what_is_not_of_one_kind_is_told_one_by_one() -> None:
 
 @pytest.mark.slow
 def test_a_file_takes_no_more_than_its_pool(tmp_path: Path) -> None:
-    """Numbers that are asked for outside of it, more of them than are there, of another type, again
-    and again.
-    """
+    """Numbers that are asked for outside of it, more of them than are there, of another type, again and again."""
     pool = {"pool.float64": np.arange(100.0), "pool.bool": np.zeros(8, bool)}
     for bad in (
         {"table": {"at": 90, "count": 11}},

@@ -26,9 +26,7 @@ SHORT = 2500
 
 @pytest.mark.parametrize("name", sorted(RULES))
 def test_every_function_has_the_slopes_of_each_direction(name: str) -> None:
-    """Slopes along three directions are those of each alone, to the bit; alone, and in derivatives that
-    formulas take.
-    """
+    """Slopes along three directions are those of each alone, to the bit; alone, and in derivatives that formulas take."""
     function = getattr(lm.formulas, name, None) or getattr(math, name)
     x, y = (1.25, 0.5) if name == "acosh" else (0.25, 0.5)
     directions = [(1.0, 0.0), (0.0, 1.0), (-0.3, 2.0)]

@@ -1,6 +1,4 @@
-"""The loop: whatever way it is run, the bits are the same; whatever goes wrong, what was reached is
-kept.
-"""
+"""The loop: whatever way it is run, the bits are the same; whatever goes wrong, what was reached is kept."""
 
 from __future__ import annotations
 
@@ -62,9 +60,7 @@ def test_plain_and_compiled(method: lm.Method) -> None:
 @ALL
 @BOTH_WORLDS
 def test_a_member_of_an_ensemble_is_the_body_alone(method: lm.Method, attitude: bool, compiled: bool) -> None:
-    """Bit for bit, and although Newton's method takes longer for some, and some need the C
-    library's sine.
-    """
+    """Bit for bit, and although Newton's method takes longer for some, and some need the C library's sine."""
     body, _ = asymmetric_body()
     starts = many(body, attitude)
     with warnings.catch_warnings():
@@ -137,9 +133,7 @@ def test_momentum_alone_has_the_same_bits(method: lm.Method, compiled: bool) -> 
 @ALL
 @pytest.mark.parametrize("exponent", [-250, -100, 1, 250])
 def test_units_of_mass_and_time_change_no_bit(method: lm.Method, exponent: int) -> None:
-    """Powers of two as units: 2^k kg; 2^k s (momenta and energies change with it, the angles do
-    not).
-    """
+    """Powers of two as units: 2^k kg; 2^k s (momenta and energies change with it, the angles do not)."""
     unit = 2.0**exponent
     body, start = asymmetric_body()
     mu, J, g = np.array(start.mu), np.array(body.inertia), start.g
@@ -257,9 +251,7 @@ def in_units(scene: str, mass: float, length: float, second: float) -> tuple[Any
     ],
 )
 def test_units_of_mass_length_and_time_change_no_bit(scene: str, method: lm.Method) -> None:
-    """Torques beside velocities, angles beside momenta: what stops an iteration compares each with
-    its own.
-    """
+    """Torques beside velocities, angles beside momenta: what stops an iteration compares each with its own."""
     system, start, _ = in_units(scene, 1.0, 1.0, 1.0)
     run = lm.integrate(system, method, start, h=0.1, steps=6, compiled=False)
     for k, l, s in ((40, 0, 0), (0, -50, 0), (0, 45, 0), (0, 0, 40), (-30, 21, 13)):
@@ -414,9 +406,7 @@ def test_a_body_at_rest_stays_at_rest(method: lm.Method, compiled: bool) -> None
 
 @lm.record
 class Bounded(lm.Method):
-    """Fails where its own counter reaches `limit`: by an error of its own, or by a number that is
-    none.
-    """
+    """Fails where its own counter reaches `limit`: by an error of its own, or by a number that is none."""
 
     limit: float
     how: str

@@ -1,6 +1,4 @@
-"""Prepared runs: the same bits as one call of `integrate`, whole, resumed, step by step, in both
-worlds.
-"""
+"""Prepared runs: the same bits as one call of `integrate`, whole, resumed, step by step, in both worlds."""
 
 from __future__ import annotations
 
@@ -282,9 +280,7 @@ def crossing(direction: float = 0.0, terminal: Any = None) -> Any:
 @pytest.mark.slow
 @pytest.mark.compiled
 def test_a_symplectic_method_finds_events() -> None:
-    """Zeros of one component of the momentum, against those of the exact motion: as accurate as the
-    method, of order 4.
-    """
+    """Zeros of one component of the momentum, against those of the exact motion: as accurate as the method, of order 4."""
     from scipy.optimize import brentq
 
     start = BODY.state(mu=[0.4, 1.0, 0.1], g=np.eye(3))

@@ -1,6 +1,4 @@
-"""Functions of the state kept instead of the state: the values of the samples, in memory for
-themselves alone.
-"""
+"""Functions of the state kept instead of the state: the values of the samples, in memory for themselves alone."""
 
 from __future__ import annotations
 

@@ -77,9 +77,7 @@ def whole(scene: Scene, bodies: int, observer: str = "all", compiled: bool = Fal
 
 @contextmanager
 def not_yet(scene: Scene, bodies: int, observer: str, compiled: bool) -> Iterator[None]:
-    """What is refused today, and may be allowed: `every` of adaptive steps, and tables that end in
-    native lanes.
-    """
+    """What is refused today, and may be allowed: `every` of adaptive steps, and tables that end in native lanes."""
     try:
         yield
     except InvalidInput:

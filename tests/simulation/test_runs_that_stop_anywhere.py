@@ -1,6 +1,4 @@
-"""Runs without samples, with formulas that fail, with events and checkpoints: what they leave goes
-on bit for bit.
-"""
+"""Runs without samples, with formulas that fail, with events and checkpoints: what they leave goes on bit for bit."""
 
 from __future__ import annotations
 

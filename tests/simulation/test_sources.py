@@ -12,8 +12,7 @@ import liemech as lm
 class OwnTop(lm.models.HeavyTop):
     """A top of a paper.
 
-    Source: Somebody, A paper of
-    their own (2026), equation (7).
+    Source: Somebody, A paper of their own (2026), equation (7).
     """
 
 

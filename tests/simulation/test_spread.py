@@ -1,6 +1,4 @@
-"""Ensembles spread by executors: the bits of a run in one piece, in order, whatever is lost on the
-way.
-"""
+"""Ensembles spread by executors: the bits of a run in one piece, in order, whatever is lost on the way."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Adaptive steps of which native code cannot make a trial: plain Python makes them, and all runs
-have the same bits.
-"""
+"""Adaptive steps of which native code cannot make a trial: plain Python makes them, and all runs have the same bits."""
 
 from typing import Any
 
@@ -19,9 +17,7 @@ MU = np.random.default_rng(3).normal(size=(11, 3))
 
 @lm.record
 class Graded(lm.Hamiltonian):
-    """A free body whose energy has a part that is counted in integers, beyond 64 bits where
-    mu_1 > 0.4.
-    """
+    """A free body whose energy has a part that is counted in integers, beyond 64 bits where mu_1 > 0.4."""
 
     def grade(self, mu: lm.Vec) -> float:
         return 1e-5 * (int(1e19 * (1.0 + mu[0])) % 3) if mu[0] > 0.4 else 0.0

@@ -1,6 +1,4 @@
-"""Ensembles whose bodies have steps of their own: bit for bit the single runs, at times of their
-own.
-"""
+"""Ensembles whose bodies have steps of their own: bit for bit the single runs, at times of their own."""
 
 from __future__ import annotations
 
@@ -75,9 +73,7 @@ def clock(t: float, state: lm.BodyState) -> float:
 
 
 def test_trends_are_those_of_the_times_of_each_body() -> None:
-    """The energy of explicit Runge-Kutta steps drifts: most in the body of the longest steps, at
-    its own rate.
-    """
+    """The energy of explicit Runge-Kutta steps drifts: most in the body of the longest steps, at its own rate."""
     bodies = lm.integrate(
         BODY, lm.RKMK(order=2), BODY.state(MU[:1].repeat(2, axis=0)), h=[0.1, 0.2], steps=60, compiled=False
     )

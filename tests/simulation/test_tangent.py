@@ -26,9 +26,7 @@ TOP_START = TOP.state(mu=[0.3, 0.2, 2.0], g=SO3.exp([0.1, 0.2, 0.3]))
 
 
 def off(a: lm.Trajectory, b: lm.Trajectory, middle: lm.Trajectory) -> np.ndarray:
-    """The difference of two ends: of momenta, and of attitudes as eta in g hat(eta) at the end of a
-    third run.
-    """
+    """The difference of two ends: of momenta, and of attitudes as eta in g hat(eta) at the end of a third run."""
     turned = [SO3.log(middle.g[-1].T @ run.g[-1]) for run in (a, b)]
     return np.concatenate([a.mu[-1] - b.mu[-1], turned[0] - turned[1]])
 
@@ -62,9 +60,7 @@ def differences(plan: lm.Plan, start: Any, steps: int) -> np.ndarray:
     ids=lambda x: getattr(x, "name", ""),
 )
 def test_a_tangent_map_is_the_derivative(method: Any, system: Any, start: Any) -> None:
-    """Explicit and implicit steps, with first guesses from the past and with stages; values to the
-    bit.
-    """
+    """Explicit and implicit steps, with first guesses from the past and with stages; values to the bit."""
     plan = lm.Plan(system, method, 0.1, compiled=False)
     run, whole = plan.tangent(start, steps=6), plan.run(start, steps=6)
     assert np.array_equal(run.mu, whole.mu)
@@ -251,9 +247,7 @@ def test_symplectic_methods_keep_the_two_form(method: Any) -> None:
 
 @pytest.mark.slow
 def test_algorithm_1_is_symplectic_on_the_group() -> None:
-    """D^T W(mu') D = W(mu), with the two-form of T*SO(3), left-trivialised:
-    dmu.eta' - dmu'.eta - mu.(eta x eta').
-    """
+    """D^T W(mu') D = W(mu), with the two-form of T*SO(3), left-trivialised: dmu.eta' - dmu'.eta - mu.(eta x eta')."""
 
     def form(mu: np.ndarray) -> np.ndarray:
         return np.block([[np.zeros((3, 3)), np.eye(3)], [-np.eye(3), SO3.algebra.hat(mu)]])
@@ -267,9 +261,7 @@ def test_algorithm_1_is_symplectic_on_the_group() -> None:
 
 
 def test_the_tangent_map_of_a_centre() -> None:
-    """Steady rotation about the first axis: the linearised Euler equations, to the order of the
-    method.
-    """
+    """Steady rotation about the first axis: the linearised Euler equations, to the order of the method."""
     body = lm.RigidBody([1.0, 1.6, 2.3])
     run = lm.Plan(body, lm.RKMK(order=8), 0.05, compiled=False).tangent(body.state(mu=[1.0, 0.0, 0.0]), steps=20)
     # of (mu_2, mu_3) in mu' = mu x J^-1 mu near e_1

@@ -141,9 +141,7 @@ def test_steps_that_jumps_divide() -> None:
     ids=["controlled", "transformed"],
 )
 def test_steps_in_fictive_time(system: Any, method: Any) -> None:
-    """By the start, on which energy and first 1/sigma depend, and by the attraction; with the row
-    of the physical time.
-    """
+    """By the start, on which energy and first 1/sigma depend, and by the attraction; with the row of the physical time."""
 
     def end(run: lm.Trajectory) -> np.ndarray:
         return np.concatenate([run.q[-1], run.p[-1], run.t[-1:]])

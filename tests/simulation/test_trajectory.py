@@ -1,6 +1,4 @@
-"""Trajectories: shapes, quantities computed when asked for, the report on structure, and carrying
-on.
-"""
+"""Trajectories: shapes, quantities computed when asked for, the report on structure, and carrying on."""
 
 from __future__ import annotations
 

@@ -168,9 +168,7 @@ def test_a_site_that_fails(compiled: Any) -> None:
 @pytest.mark.slow
 @native
 def test_a_site_whose_steps_fail_for_a_while() -> None:
-    """A step that leaves the domain of a formula becomes shorter; natively, and with the same bits
-    in plain Python.
-    """
+    """A step that leaves the domain of a formula becomes shorter; natively, and with the same bits in plain Python."""
     system = lm.LiePoissonSystem(lm.SO3() ** 17, lm.Terms(Rooted(2.0)))
     plan = lm.Plan(system, lm.RKMK(order=5), h=0.3, rtol=1e-3, progress=False)
     start = system.state(mu=directions(17))

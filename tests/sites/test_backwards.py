@@ -579,9 +579,7 @@ def test_few_adaptive_steps(monkeypatch: pytest.MonkeyPatch) -> None:
 @native
 @pytest.mark.slow
 def test_adaptive_steps(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of the steps that were accepted: the map of the system as it is written out, and differences of
-    accurate runs.
-    """
+    """Of the steps that were accepted: the map of the system as it is written out, and differences of accurate runs."""
     system, rng = magnet(**FEW), np.random.default_rng(2)
     start = system.state(mu=directions(5))
     plan = lm.Plan(system, lm.RKMK(order=5), rtol=1e-6, progress=False)

@@ -1,6 +1,4 @@
-"""Loops over sites: the same bits in plain Python and in native code of any number of lanes, for
-methods as they are.
-"""
+"""Loops over sites: the same bits in plain Python and in native code of any number of lanes, for methods as they are."""
 
 from __future__ import annotations
 
