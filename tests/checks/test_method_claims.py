@@ -162,7 +162,7 @@ def cases() -> Iterator[Any]:
                 method.require(system)
             except lm.errors.IncompatibleSystem:
                 continue
-            quick = name in ("galaxy", "species") or (name == "free body" and not is_dear(method))
+            quick = name in ("galaxy", "species") or (name == "free body" and method.order <= 4 and not is_dear(method))
             marks = [] if quick else [pytest.mark.slow]  # many seconds
             yield pytest.param(method, name, marks=marks, id=f"{method!r}-{name}")
 

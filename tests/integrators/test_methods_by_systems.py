@@ -644,7 +644,7 @@ def native_pairs() -> dict[lm.Method, str]:
 
 
 @pytest.mark.compiled
-@pytest.mark.sample(6)
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(("name", "method"), [*((None, method) for method in METHODS), *FURTHER], ids=repr)
 def test_native_code_has_the_bits_of_plain_python(name: str | None, method: lm.Method) -> None:
     """One body alone, and the second of three in lanes."""
