@@ -46,6 +46,16 @@ class Pulse(lm.Term):
         return self.k * lm.formulas.where(t > 200.0, 1.0, 0.0) * a.mu[2] * a.mu[2] * a.mu[0]
 
 
+@lm.record
+class Strong(lm.Term):
+    """A field that becomes strong at t = 0.25."""
+
+    B: float
+
+    def energy(self, a: Any, t: float) -> float:
+        return lm.formulas.where(t > 0.25, self.B, 1.0) * a.mu[2]
+
+
 def driven(*more: Any) -> Any:
     terms = Breathing(1.0).over(lm.neighbours.ring(N)), Wave(FIELD, 1.7), *more
     return lm.DrivenLiePoissonSystem(lm.SO3() ** N, lm.Terms(*terms))
@@ -82,18 +92,29 @@ def test_order_and_way_back(method: Any) -> None:
 
 
 @pytest.mark.slow
-def test_as_written_out(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("method", [lm.SublatticeSplitting(), lm.BondSplitting()], ids=repr)
+def test_as_written_out(method: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """In plain Python and natively; the time at the end of a step is rounded in two ways."""
     found = []
     for small, compiled in ((1000, False), (0, False), (0, None)):
         monkeypatch.setattr(lm.System, "small", small)
-        plan = lm.Plan(driven(), lm.SublatticeSplitting(), h=0.05, every=3, compiled=compiled)
+        plan = lm.Plan(driven(), method, h=0.05, every=3, compiled=compiled)
         run = plan.run(driven().state(mu=start()), steps=13)
         begun = plan.run(driven().state(mu=start()), steps=7)
         assert np.array_equal(plan.resume(begun, steps=6).mu[1:], run.mu[3:])
         found.append(run.mu.reshape(-1, N, 3))
     assert np.array_equal(found[1], found[2])
     assert np.abs(found[0] - found[1]).max() < 1e-15
+
+
+@pytest.mark.parametrize("every", [1, 100])
+def test_the_step_that_overflows_is_told(every: int) -> None:
+    with pytest.raises(lm.errors.NotFinite, match=r"overflowed.*site \d, after step 2, t = 0.2") as caught:
+        lm.integrate(
+            driven(Strong(1e200)), lm.SublatticeSplitting(), driven().state(mu=start()), h=0.1, steps=100,
+            every=every, compiled=False,
+        )  # fmt: skip
+    assert caught.value.trajectory.t[-1] == (0.2 if every == 1 else 0.0)
 
 
 def test_what_cannot_be_told_is_refused() -> None:

@@ -35,7 +35,7 @@ def small_runs(monkeypatch: pytest.MonkeyPatch, numbers: int) -> None:
 def test_times_inside(monkeypatch: pytest.MonkeyPatch, method: Any, h: float) -> None:
     """The states that the system written out has, in plain Python and natively."""
     g = np.stack([np.eye(3)] * N)
-    times = np.copysign([0.0, 0.03, 0.5, 0.61, 0.7], h)
+    times = np.copysign([0.0, 0.03, 0.28, 0.5, 0.61, 0.7], h)
     found = []
     for numbers, compiled in ((1000, False), (0, False), (0, None)):
         small_runs(monkeypatch, numbers)

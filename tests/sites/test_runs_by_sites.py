@@ -13,6 +13,7 @@ from terms_of_spins import Exchange, Zeeman
 import liemech as lm
 from liemech.compiler import kernel
 from liemech.errors import IncompatibleSystem, InvalidInput, NotFinite
+from liemech.rooms.sites.runs import run as run_of_sites
 from liemech.rooms.sites.runs import samples
 from liemech.systems.lie_poisson import BodyState
 
@@ -62,6 +63,7 @@ def test_few_samples_at_once(every: int, monkeypatch: pytest.MonkeyPatch) -> Non
     start = plan.system.state(mu=directions())
     whole = plan.run(start, steps=7)
     monkeypatch.setattr(samples, "MOST", 2)
+    monkeypatch.setattr(run_of_sites, "PATIENCE", 1e3)
     by_parts = plan.run(start, steps=7)
     assert np.array_equal(by_parts.t, whole.t) and np.array_equal(by_parts.mu, whole.mu)
 

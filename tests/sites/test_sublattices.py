@@ -440,11 +440,17 @@ def test_overflow_is_told() -> None:
         )
 
 
+SPIN = {"every": 100, "record": [("spin", lambda t, site: site.mu)]}
+
+
+def of_finite_totals(t: float, total: Any) -> float:
+    assert np.isfinite(total.spin[0])
+    return 1.0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("method", [lm.SublatticeSplitting(4), lm.BondSplitting()], ids=repr)
-@pytest.mark.parametrize(
-    "saved", [{"every": 1}, {"every": 100}, {"every": 100, "record": [("spin", lambda t, site: site.mu)]}]
-)
+@pytest.mark.parametrize("saved", [{"every": 1}, {"every": 100}, SPIN, SPIN | {"events": [of_finite_totals]}])
 def test_the_site_that_overflows_is_named(method: Any, saved: dict[str, Any]) -> None:
     fields = np.outer(np.arange(40) == 23, [0.0, 0.0, 1e200])
     system = spins(40, Exchange(1.0).over(near.ring(40)), Zeeman(lm.each(fields)))
