@@ -209,7 +209,7 @@ class SemidirectProduct(DirectProduct):
         return SemidirectAlgebra(self.action)
 
     @cached_property
-    def factors(self) -> tuple[Any, ...]:  # type: ignore[override]
+    def factors(self) -> tuple[Any, ...]:
         """The group and the vector space, whose elements are beside each other."""
         return self.acting, VectorSpace(self.action.space_dim)
 
