@@ -195,6 +195,35 @@ def test_bodies_of_an_ensemble_have_gradients_of_their_own() -> None:
     assert off(weighed["start"], found["start"] * np.array([[1.0], [2.0], [3.0]])) < 1e-13
 
 
+def test_losses_of_time_where_bodies_have_steps_of_their_own() -> None:
+    """At the ends and at samples, whose times differ from body to body: those of each alone."""
+    mu = np.array([[0.5, 0.1, 0.8], [0.2, 0.3, 0.9]])
+    starts = BODY.state(mu=mu, g=np.tile(np.eye(3), (2, 1, 1)))
+    asked: Any = {"steps": 4, "along": lambda t, s: t * t * s.mu[1], "every": 2}
+
+    def found(h: Any, start: Any) -> Any:
+        plan = lm.Plan(BODY, lm.RKMK(order=4), h=h, compiled=False)
+        return plan.gradient(lambda t, s: t * s.mu[0], start, **asked)
+
+    both = found([0.1, 0.2], starts)
+    alone = [found(0.1 * (i + 1), BODY.state(mu=mu[i], g=np.eye(3))) for i in range(2)]
+    assert abs(both.value - alone[0].value - alone[1].value) < 1e-15
+    assert off(both["start"], np.array([one["start"] for one in alone])) < 1e-14
+
+
+def test_cotangents_of_complex_elements() -> None:
+    """Of a complex element C stands for Re <C, dg>, dg = g hat(eta): as by the components of the end."""
+    group = lm.SU(2)
+    body = lm.LiePoissonSystem(group, lm.KineticEnergy([1.0, 2.0, 3.0]))
+    plan = lm.Plan(body, lm.RKMK(order=4), h=0.1, compiled=False)
+    start = body.state(mu=[0.5, 0.1, -0.3], g=group.exp([0.1, 0.2, 0.4]))
+    mu, C = np.array([1.0, -2.0, 0.5]), np.array([[1.0 + 2.0j, -0.3], [0.7j, 0.2 - 1.0j]])
+    g = np.asarray(plan.run(start, steps=3).last.g)
+    w = [(C.conj() * (g @ np.asarray(X))).sum().real for X in group.generators]
+    wanted = plan.pullback(np.concatenate([mu, w]), start, steps=3)["start"]
+    assert off(plan.pullback({"mu": mu, "g": C}, start, steps=3)["start"], wanted) < 1e-14
+
+
 @pytest.mark.slow
 def test_running_costs_are_summed_over_samples() -> None:
     """The gradient of a sum is that of cotangents at all samples, and the sum of gradients of ends."""
@@ -255,6 +284,8 @@ def test_runs_without_a_gradient_say_so() -> None:
         plan.pullback({"mu": np.zeros(4)}, START, steps=3)
     with pytest.raises(errors.InvalidInput, match="parts of the state are mu, g"):
         plan.pullback({"q": np.zeros(3)}, START, steps=3)
+    with pytest.raises(errors.InvalidInput, match="got complex128, no real numbers"):
+        plan.pullback({"mu": 1j * np.ones(3)}, START, steps=3)
     recorded = plan.replace(record="energy")
     with pytest.raises(errors.InvalidInput, match="records no functions"):
         recorded.gradient(loss, START, steps=3)

@@ -16,7 +16,8 @@ from liemech import errors
 from liemech.formulas import derivative, where
 from liemech.formulas.functions import RULES
 from liemech.formulas.numbers.dual import Dual
-from liemech.rooms.derivatives.through_blocks import PreparedGradient, side_by_side
+from liemech.rooms.derivatives import through_blocks
+from liemech.rooms.derivatives.through_blocks import side_by_side
 
 LEVEL = 0.5
 
@@ -58,13 +59,13 @@ def test_code_that_is_too_long_goes_direction_by_direction(monkeypatch: Any) -> 
     plan = lm.Plan(BODY, lm.RKMK(order=4, retraction=lm.Cayley()), h=0.05, compiled=True)
     wanted = plan.replace(compiled=False).pullback(np.arange(6.0), START, steps=200)["start"]
     seen: Any = []
-    made: Any = PreparedGradient._blocks
+    made: Any = through_blocks.Blocks
 
-    def blocks(directions: Any, *given: Any) -> Any:
+    def blocks(way: Any, directions: Any, start: Any) -> Any:
         seen.append(directions.side)
-        return made(directions, *given)
+        return made(way, directions, start)
 
-    monkeypatch.setattr(PreparedGradient, "_blocks", staticmethod(blocks))
+    monkeypatch.setattr(through_blocks, "Blocks", blocks)
     monkeypatch.setattr(instructions, "LIMIT", SHORT)
     monkeypatch.setattr(instructions, "WITH_SLOPES", 4)
     found = plan.pullback(np.arange(6.0), START, steps=200)["start"]

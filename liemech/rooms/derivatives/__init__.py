@@ -1,6 +1,7 @@
 """Derivatives of runs, of the discrete motion and exact up to rounding.
 
 frames.py             directions in which states move, and components of changes along them
+directions.py         directions of a start and of parameters of system and method
 tangent.py            forwards: the tangent map, by steps in numbers that carry derivatives
 tangent_runs.py       `plan.tangent`: of one body, of an ensemble, of many sites
 gradient.py           `plan.gradient` and `plan.pullback`

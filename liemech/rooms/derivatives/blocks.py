@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -10,18 +11,18 @@ from ...compiler import kernel
 from ...compiler.driver import Rejected, attempt, reason
 from ...errors import IncompatibleSystem, NotCompilable, failure, is_mistake
 from ...formulas import Vec
-from ...formulas.classes.flattening import build, leaves
-from ...formulas.classes.layouts import carried_layout, layout_of
-from ...formulas.numbers.conversions import fitted, with_slopes
+from ...formulas.classes.layouts import layout_of
+from ...formulas.numbers.conversions import with_slopes
 from ...integrators.ending_at_jumps import EndingAtJumps
 from ...integrators.method import Method
 from ...simulation.compiled.control import ASKED, LAST_TIME, LIMIT, MARK, ORIGIN, STEP, STRAIGHT, TAKEN, TIME, begun
 from ...simulation.compiled.driver import advance, begin
-from ...simulation.compiled.execution import COLUMNS, Execution, like
+from ...simulation.compiled.execution import like
 from ...simulation.compiled.lanes import Lanes
-from ...simulation.compiled.prepared import Steps
+from ...simulation.compiled.prepared import RunShape, Steps
+from .directions import WithStep, dual_of
 from .frames import LEVEL
-from .tangent import StepsOfARun, WithStep, dual_of
+from .tangent import StepsOfARun
 
 PLAIN = 2**9
 """Steps of all blocks together that plain Python may make: they take it half a second."""
@@ -68,30 +69,24 @@ class Blocks:
             raise refused
         # all that the method carries along may come to depend on the start, zeros of guesses too
         carry, example = with_slopes(trial[0], LEVEL, still), trial[1]
-        state, layout, shown = layout_of(dual), carried_layout(carry), layout_of(example)
-        self.width, self.shown = state.width, shown.width
-        native = way.compiled is not False and kernel.available() is None
         # a register for each number: there are twice as many numbers as in a step
-        side = kernel.width() if native else 1
+        steps, state = dataclasses.replace(way, method=innermost(directions.raw[0]), shapes={}), layout_of(dual)
+        self.shape = RunShape(steps, state, state, carry, example, kernel.width())
         things = methods.argument, systems.argument
-        self.lanes = Lanes(*things, STRAIGHT, layout, example, (), way.compiled, way.progress, side)
+        self.lanes = Lanes(
+            *things, STRAIGHT, self.shape.layout, example, (), way.compiled, way.progress, self.shape.side
+        )
         self.side = self.lanes.stepping.lanes
-        self.order: np.ndarray | None = None
-        self.beginner = state, state, layout, shown
-        if state == shown and not remembers(methods.example):
-            numbered = build(state, iter([1.0 + i for i in range(state.width)]))
-            order = leaves(with_slopes(fitted(numbered, layout), LEVEL, still), layout)
-            self.order = np.array(order, dtype=int) - 1
-        else:
-            call = begin, *things, *self.beginner, *[COLUMNS] * 4, None
-            self.beginning = Execution(way.compiled, way.progress, *call, lanes=self.side, silent=True)
+        if self.shape.order is None:
+            self.beginning = self.shape.beginning(way, self.lanes)
 
-    def of_a_run(self, t0: float, work: int, else_shorter: bool) -> Blocks:
+    def of_a_run(self, t0: float, work: int) -> Blocks:
         """A copy for one run, whose step 0 is at t0, with native code of the formulas as they are now.
 
-        work : the number of steps of all blocks and directions.  else_shorter : is there a shorter code?  Raises
-        NotCompilable where that is to be taken.
+        work : the number of steps of all blocks and directions.  Raises NotCompilable for several directions in a number
+        where the code is too long: there is a shorter one.
         """
+        else_shorter = self.directions.side > 1
         of_run: Blocks = like(self, t0=t0, lanes=self.lanes.of_a_run())
         stepping = of_run.lanes.stepping
         stepping.silent = else_shorter
@@ -99,7 +94,7 @@ class Blocks:
             stepping.compile()
         if else_shorter and stepping.wanted is False and stepping.asked is not False:
             raise NotCompilable("Plan.gradient: too long with several directions in a number")
-        if self.order is None:
+        if self.shape.order is None:
             of_run.beginning = like(self.beginning, native=self.beginning.used(self.way.compiled))
         return of_run
 
@@ -130,7 +125,7 @@ class Blocks:
         h = np.array([self.way.h_of(i) for i in range(body.max() + 1)])[body]
         clocks[TIME], clocks[STEP], clocks[TAKEN] = self.t0 + first * h, h, first
         goals[LAST_TIME], goals[LIMIT], goals[ORIGIN] = np.inf, last, self.t0
-        out = np.zeros((1, self.shown, whole))
+        out = np.zeros((1, self.shape.shown.width, whole))
         steps = int((last - first).max())
         column = 0
         while column < whole and not self._ready(done, column / whole):
@@ -138,8 +133,9 @@ class Blocks:
                 self._plainly(starts[:, i], table[:, i], out[:, :, i], steps)
             column += self.side
         if column < whole:
-            if self.order is not None:
-                numbers[:, column:] = np.where(self.order[:, None] < 0, 0.0, starts[self.order, column:])
+            if self.shape.order is not None:
+                order = np.array(self.shape.order)
+                numbers[:, column:] = np.where(order[:, None] < 0, 0.0, starts[order, column:])
             else:
                 buffers = *parameters, starts, clocks, numbers, out[0]
                 self.beginning.run(lanes.constants, (), buffers, whole, column, whole)
@@ -158,11 +154,11 @@ class Blocks:
         stepping = self.lanes.stepping
         if not stepping.ready(max(done, part)):
             return False
-        if self.order is None and self.beginning.native is None:
+        if self.shape.order is None and self.beginning.native is None:
             if self.beginning.wanted is False:
                 return False
             self.beginning.compile()
-        return self.order is not None or self.beginning.native is not None
+        return self.shape.order is not None or self.beginning.native is not None
 
     def _plainly(self, start: np.ndarray, column: np.ndarray, out: np.ndarray, steps: int) -> None:
         """Take one state through its block in plain Python."""
@@ -172,10 +168,10 @@ class Blocks:
             for thing, varied in zip(self.lanes.arguments[:2], (self.methods, self.systems))
         ]
         raised: list[Any] = []
-        row = np.zeros(self.shown)
+        row = np.zeros(self.shape.shown.width)
         with self.lanes.stepping.plain():
             driver: Any = begin
-            driver(*things, *self.beginner, start.copy(), clock, numbers, row, raised)
+            driver(*self.shape.beginner(things), start.copy(), clock, numbers, row, raised)
             if not raised:
                 driver = advance
                 driver(*things, *self.lanes.arguments[2:], 1, steps, goal, numbers, clock, row, raised)
@@ -188,8 +184,11 @@ class Blocks:
         out[0] = row
 
 
+def innermost(method: Any) -> Any:
+    """The method of steps that end where inputs jump, or whose length is a parameter or that of an adaptive run."""
+    return innermost(method.method) if isinstance(method, (EndingAtJumps, WithStep, StepsOfARun)) else method
+
+
 def remembers(method: Any) -> bool:
     """Whether a method carries more along than the state."""
-    while isinstance(method, (EndingAtJumps, WithStep, StepsOfARun)):
-        method = method.method
-    return any(getattr(type(method), f) is not getattr(Method, f) for f in ("start", "observe"))
+    return any(getattr(type(innermost(method)), f) is not getattr(Method, f) for f in ("start", "observe"))

@@ -42,12 +42,6 @@ def frame(system: Any, name: str, part: Any) -> Any:
     return lambda points: points[:, None] @ algebra
 
 
-def real_numbers(array: np.ndarray) -> np.ndarray:
-    """The numbers of an array in turn, a complex one as two."""
-    flat = np.ascontiguousarray(array)
-    return (flat.view(float) if np.iscomplexobj(flat) else flat).ravel()
-
-
 class Frames:
     """The directions in which states like an example can move, and the components of changes along them.
 
@@ -68,11 +62,10 @@ class Frames:
         basis = np.zeros((len(next(iter(points.values()))), self.count, sum(self.widths.values())))
         i = j = 0
         for name, directions in self.of.items():
-            changes = directions(points[name])
-            basis[:, i : i + self.sizes[name], j : j + self.widths[name]] = real_numbers(changes).reshape(
-                *changes.shape[:2], -1
-            )
-            i, j = i + self.sizes[name], j + self.widths[name]
+            size, width = self.sizes[name], self.widths[name]
+            changes = flat({name: directions(points[name])}, size * len(basis))
+            basis[:, i : i + size, j : j + width] = changes.reshape(-1, size, width)
+            i, j = i + size, j + width
         return basis
 
     def components(self, states: dict[str, np.ndarray], changes: np.ndarray) -> np.ndarray:

@@ -66,7 +66,10 @@ def backwards(
         every = plan.options.every
     asked = every, loss, along, cotangent
     if plan._sites is not None and goes_by_sites(plan, start, names, loss, along):
-        return _by_sites(plan, what, start, steps, t_end, t0, names, asked)
+        value, by_name, run, growth = gradient_by_sites(plan, what, start, steps, t_end, t0, names, *asked)
+        if growth is not None:
+            tell(growth)
+        return Gradient(value, by_name, run, growth)
     start = plan._started(start, t0)
     if plan.fictive:
         raise IncompatibleSystem(
@@ -83,15 +86,6 @@ def backwards(
         if start.bodies is not None:
             return of_each_body(plan, what, start, steps, t_end, t0, names, *asked)
         return adaptive_gradient_of(plan._of_body(0), start, steps, t_end, t0, names, *asked)
-
-
-def _by_sites(plan: Any, what: str, start: Any, steps: Any, t_end: Any, t0: float, names: Any, asked: Any) -> Gradient:
-    """The gradient of a run of many sites, which is gone through backwards."""
-    given = plan, what, start, steps, t_end, t0, names
-    value, found, run, growth = gradient_by_sites(*given, *asked)
-    if growth is not None:
-        tell(growth)
-    return Gradient(value, found, run, growth)
 
 
 def gradient_of(
@@ -168,8 +162,7 @@ def of_each_body(
             f"Plan.{what}: with adaptive steps each body has samples of its own: leave out every, "
             "or give one body at a time"
         )
-    given = [(x, name) for x, name in ((loss, "loss"), (along, "along"))]
-    losses = [x if x is None else Loss(x, name, many) for x, name in given]
+    losses = [x if x is None else Loss(x, name, many) for x, name in ((loss, "loss"), (along, "along"))]
     rows: dict[Any, Any] = cotangent if isinstance(cotangent, dict) else {"": cotangent}
     for name, x in rows.items():
         if x is not None and np.shape(x)[:1] != (many,):
@@ -179,11 +172,9 @@ def of_each_body(
             )
     found = []
     for i, end in enumerate(arguments.ends(t_end, many)):
-        own = [x if x is None else x.of(i) for x in losses]
         parts: Any = {n: x if x is None else np.asarray(x)[i] for n, x in rows.items()}
-        w = parts if isinstance(cotangent, dict) else parts[""]
-        one = plan._of_body(i), member(start, i), steps, end, t0, names, every, *own, w
-        found.append(adaptive_gradient_of(*one))
+        asked = *(x if x is None else x.of(i) for x in losses), parts if isinstance(cotangent, dict) else parts[""]
+        found.append(adaptive_gradient_of(plan._of_body(i), member(start, i), steps, end, t0, names, every, *asked))
     gradient = {}
     for name in names:
         each = np.stack([one[name] for one in found])

@@ -17,14 +17,14 @@ from ...formulas.classes.layouts import NUMBER, layout_of
 from ...formulas.numbers.conversions import fitted
 from ...formulas.numbers.dual import Dual
 from ...simulation import arguments
-from ...simulation.between.dense import evaluated, report
-from .frames import LEVEL, StatesInFrames, real_numbers
-from .tangent import dual_of
+from ...simulation.between.dense import evaluated, flat, report
+from .directions import dual_of
+from .frames import LEVEL, StatesInFrames
 
 VALUE = layout_of(Dual(0.0, 0.0, LEVEL))
 
 AT_ONCE = 2**12
-"""States, of all bodies or sites each, whose directions are in memory at once."""
+"""States of bodies or sites whose directions are in memory at once, if those of one sample are no more."""
 
 
 class Objective:
@@ -52,7 +52,7 @@ class Objective:
             if name == "along" and given is None:
                 continue
             function = Loss(given, name, self.run.bodies if self.by_site is None else None)
-            for some in pieces(where):
+            for some in self._pieces(where):
                 of_some = self.run.t[some], states.numbers[some], states.basis(some)
                 found, slopes = function.slopes(self.example, *of_some, compiled)
                 values.append(float(found.sum()))
@@ -78,21 +78,21 @@ class Objective:
         parts = {}
         for name, x in self.run.states.items():
             wanted, shown = (*ahead, *x.shape[1:]), self.run._by_site(name, x)
-            own = given.get(name, np.zeros(wanted))
-            if shown is not x and np.shape(own) == (*ahead, *shown.shape[1:]):
-                own = real_numbers(np.asarray(own, shown.dtype)).reshape(wanted)
+            own = np.asarray(given.get(name, np.zeros(wanted)))
+            if shown is not x and own.shape == (*ahead, *shown.shape[1:]):
+                own = flat({name: np.asarray(own, shown.dtype)}, own.shape[0]).reshape(wanted)
             array = arguments.cotangent(own, name, wanted, "fiuc" if np.iscomplexobj(x) else "fiu")
             parts[name] = array.astype(x.dtype).reshape(len(some), *x.shape[1:])
         parts = self.by_site(parts) if self.by_site else parts
         shapes = {name: (len(some), states.many, *x.shape[2:]) for name, x in states.arrays.items()}
         rows = StatesInFrames(frames, {name: x.reshape(shapes[name]) for name, x in parts.items()}).numbers
-        for piece in pieces(np.arange(len(some))):
+        for piece in self._pieces(np.arange(len(some))):
             self.by_states[some[piece]] = (states.basis(some[piece]) @ rows[piece][..., None])[..., 0]
 
-
-def pieces(numbers: np.ndarray) -> list[np.ndarray]:
-    """Some numbers, `AT_ONCE` in turn."""
-    return [numbers[k : k + AT_ONCE] for k in range(0, len(numbers), AT_ONCE)]
+    def _pieces(self, samples: np.ndarray) -> list[np.ndarray]:
+        """The numbers of samples in turn, as many as are in memory at once."""
+        size = max(1, AT_ONCE // self.states.many)
+        return [samples[k : k + size] for k in range(0, len(samples), size)]
 
 
 class Loss:
@@ -115,27 +115,17 @@ class Loss:
                     f"Plan.gradient: {name} is a function of the state, such as "
                     f"lambda state: lm.dot(state.mu, state.mu), or a list of one for each body; got {function!r}"
                 )
-        self.timed = self._timed(self.functions[0])
+        wanted = arguments_of(self.functions[0])
+        if len(wanted) not in (1, 2):
+            raise InvalidType(
+                f"Plan.gradient: {self.name} is a function of the state, or of time and state; "
+                f"{self.functions[0]!r} takes {len(wanted)} arguments"
+            )
+        self.timed = len(wanted) == 2
 
     def of(self, body: int) -> Any:
         """The function of one body."""
         return self.functions[body if self.each else 0]
-
-    def _timed(self, function: Any) -> bool:
-        """Whether a function is of time and state, not of the state alone."""
-        try:
-            wanted = [
-                p for p in inspect.signature(function).parameters.values()
-                if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD) and p.default is p.empty
-            ]  # fmt: skip
-        except (TypeError, ValueError):
-            return False
-        if len(wanted) not in (1, 2):
-            raise InvalidType(
-                f"Plan.gradient: {self.name} is a function of the state, or of time and state; "
-                f"{function!r} takes {len(wanted)} arguments"
-            )
-        return len(wanted) == 2
 
     def slopes(
         self, example: Any, t: np.ndarray, numbers: np.ndarray, frames: np.ndarray, compiled: Any
@@ -181,6 +171,17 @@ class Loss:
             raise InvalidType(
                 f"Plan.gradient: {self.name} gives a number, made of the state by functions of liemech; got {value!r}"
             )
+
+
+def arguments_of(function: Any) -> list[str]:
+    """The names of the arguments that a function needs; one that hides them has one."""
+    try:
+        parameters = inspect.signature(function).parameters.values()
+    except (TypeError, ValueError):
+        return [""]
+    return [
+        x.name for x in parameters if x.kind in (x.POSITIONAL_ONLY, x.POSITIONAL_OR_KEYWORD) and x.default is x.empty
+    ]
 
 
 def sloping(function: Any, point: Any, given: Any, out: Any, failures: Any) -> None:

@@ -18,20 +18,18 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import warnings
 from typing import Any
 
 import numpy as np
 
 from ...errors import InvalidInput, NotCompilable
 from ...formulas import record
-from ...formulas.classes.frozen import frozen
 from ...formulas.classes.layouts import layout_of
 from ...formulas.classes.records import with_fields
 from ...integrators.ending_at_jumps import ending_at_jumps, overshoot
 from ...integrators.method import Wrapping
 from ...simulation.compiled.execution import like
-from ...simulation.compiled.parameters import full_name, parameter, shape_of
+from ...simulation.compiled.parameters import full_name
 from ...simulation.compiled.prepared import Steps
 from ...simulation.compiled.systems import OfBodies
 from ...simulation.reports.progress import Bar
@@ -40,10 +38,10 @@ from ...systems.in_time.knots import NEAR
 from ...systems.in_time.tabulated import PiecewisePolynomial
 from ...systems.system import State, member
 from .blocks import Blocks, require_same
+from .directions import Directions, with_step
 from .frames import Frames, StatesInFrames, dual_basis
-from .tangent import parameter_moves, slope, with_step
 from .varied import Varied
-from .varied_input import table_of
+from .varied_input import Tables
 
 LANES = 384
 """Blocks and directions whose numbers are in memory at once."""
@@ -65,23 +63,6 @@ LONG = 32
 
 OVERHEAD = 200
 """Steps of one direction that take as long as what there is to do for a block beside its steps."""
-
-
-@frozen
-class LossParameter:
-    """A parameter by which a loss is differentiated.
-
-    name : as it was given.  place : the first direction, of a table None.  shape : of its value.
-    of_method : is it one of the method?
-    varied : a table.  values : are the values of a table asked for, or its coefficients?
-    """
-
-    name: str
-    place: Any
-    shape: tuple[int, ...]
-    of_method: bool = False
-    varied: Any = None
-    values: bool = False
 
 
 @record
@@ -108,80 +89,54 @@ class ParameterDirections:
     """
 
     def __init__(
-        self, plan: Any, bodies: int | None, names: tuple[str, ...], t0: float, of_state: int,
-        numbers: int, side: int = 0,
+        self, plan: Any, one: State, bodies: int | None, names: tuple[str, ...], t0: float, of_state: int, side: int = 0,
     ) -> None:  # fmt: skip
         way: Steps = plan._steps
-        self.own = isinstance(way.system, OfBodies)
-        self.own_methods = own_methods = isinstance(way.method, OfBodies)
-        several = [way.system_of(i) for i in range(bodies or 1)] if self.own else [way.one]
-        methods = [way.method_of(i) for i in range(bodies or 1)] if own_methods else [way.method_of(0)]
-        if "h" in names:
-            if isinstance(way.h, tuple):
-                raise InvalidInput("Plan.gradient: by h is for one h of all bodies")
-            methods = [with_step(method, way.h, t0)(method) for method in methods]
-        self.parameters: list[LossParameter] = []
-        self.count = 0
-        by_system: list[Any] = []
-        by_method: list[Any] = []
-        for name in dict.fromkeys(names):
-            if name == "start":
-                continue
-            if name == "h" or name.startswith("method."):
-                inner = name if "h" in names else name.removeprefix("method.")
-                moves = [parameter_moves(method, inner) for method in methods]
-                value = parameter(methods[0], inner)
-                by_method += zip(*moves, strict=True)
-                by_system += [None] * len(moves[0])
-            else:
-                known = [p.varied for p in self.parameters if p.varied]
-                table = table_of(several[0], name, "Plan.gradient", known)
-                if table is not None:
-                    self.parameters.append(LossParameter(name, None, (), False, *table))
-                    continue
-                full = full_name(several[0], name, "Plan.gradient")
-                moves = [parameter_moves(system, full) for system in several]
-                value = parameter(several[0], full)
-                by_system += zip(*moves, strict=True)
-                by_method += [None] * len(moves[0])
-            shape = shape_of(layout_of(value))
-            shape = (len(moves[0]),) if shape is None else shape
-            self.parameters.append(LossParameter(name, self.count, shape, by_system[-1] is None))
-            self.count += len(moves[0])
-        self.side = side = side or side_by_side(of_state + self.count, numbers)
-        self.tables = [*{id(p.varied): p.varied for p in self.parameters if p.varied}.values()]
-        one = self._dressed(several[0])
-        for table in self.tables:
-            table.find(one)
-        moved = [place for table in self.tables for place in table.places["moved"].tolist()]
-        dressed = [self._dressed(system) for system in several]
-        slopes = self._slopes(dressed, by_system, self._dressed)
-        self.systems = Varied(dressed, slopes, moved, side)
-        self.raw = methods
-        self.of_things = [[table.of(thing) for thing in several] for table in self.tables]
-        wrapped = methods if way.clock != "t" else [ending_at_jumps(method, one, way.breaks) for method in methods]
+        self.of_each = {"system": isinstance(way.system, OfBodies), "method": isinstance(way.method, OfBodies)}
+        several = [way.system_of(i) for i in range(bodies or 1)] if self.of_each["system"] else [way.one]
+        methods = [way.method_of(i) for i in range(bodies or 1)] if self.of_each["method"] else [way.method_of(0)]
+        if "h" in names and isinstance(way.h, tuple):
+            raise InvalidInput("Plan.gradient: by h is for one h of all bodies")
+        dressed = with_step(methods[0], way.h, t0) if "h" in names else None
+        self.tables = tables = Tables(several[0], names, "Plan.gradient")
+        self.of_things = [[table.of(thing) for thing in several] for table in tables.each]
+        self.full = {
+            name: name if name == "h" or name.startswith("method.") else full_name(several[0], name, "Plan.gradient")
+            for name in names if name != "start" and name not in tables.by_name
+        }  # fmt: skip
+        several = [tables.in_system(system) for system in several]
+        tables.find(several[0])
+        others = one, tuple(self.full.values()), dressed
+        each = [
+            Directions(several[min(i, len(several) - 1)], methods[min(i, len(methods) - 1)], *others)
+            for i in range(max(len(several), len(methods)))
+        ]
+        self.of_first = each[0]
+        self.count = len(each[0].slopes)
+        self.side = side = side or side_by_side(of_state + self.count, layout_of(one).width)
+        moved = [place for table in tables.each for place in table.places["moved"].tolist()]
+        slopes = np.array([directions.slopes for directions in each])
+        of_method, of_system, _ = each[0].places
+        self.systems = Varied(several, slopes[: len(several), :, of_system], moved, side)
+        self.raw = [directions.method for directions in each[: len(methods)]]
+        wrapped = self.raw if way.clock != "t" else [ending_at_jumps(x, several[0], way.breaks) for x in self.raw]
         wrapped = [NumberedByTime(method, t0) if method.noisy else method for method in wrapped]
-        slopes = self._slopes(methods, by_method, lambda method: method)
-        more = layout_of(wrapped[0]).width - slopes.shape[2]
-        self.methods = Varied(wrapped, np.pad(slopes, ((0, 0), (0, 0), (0, more))), (), side)
+        more = layout_of(wrapped[0]).width - of_method.stop
+        by_method = np.pad(slopes[: len(methods), :, of_method], ((0, 0), (0, 0), (0, more)))
+        self.methods = Varied(wrapped, by_method, (), side)
 
-    def _dressed(self, system: Any) -> Any:
-        """A system with the tables as they carry derivatives."""
-        for table in self.tables:
-            system = table.in_system(system)
-        return system
+    def by(self, name: str, found: np.ndarray, of_tables: list[np.ndarray]) -> np.ndarray:
+        """The derivative by a parameter: of each body, or the sum where it is the only one of all.
 
-    def _slopes(self, things: Any, moves: list[Any], dressed: Any) -> np.ndarray:
-        """How the numbers of things change, (things, directions, numbers)."""
-        layout = layout_of(things[0])
-        found = np.zeros((len(things), self.count, layout.width))
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of parameters beside those that were given
-            for d, each in enumerate(moves):
-                for i, (to, step) in enumerate(each or ()):
-                    found[i, d] = slope(lambda x, to=to: dressed(to(x)), step, layout, "value")
-        found[..., [kind != "number" for kind in layout.kinds]] = 0.0
-        return found
+        found : (bodies, count), by the directions.  of_tables : by the intervals of each table.
+        """
+        if name in self.tables.by_name:
+            table, values = self.tables.by_name[name]
+            by_table = table.by(of_tables[self.tables.each.index(table)], values)
+            return by_table if self.of_each["system"] else by_table[0]
+        full, of_method = self.full[name], name == "h" or name.startswith("method.")
+        by_body = found[:, self.of_first.columns[full]].reshape(-1, *self.of_first.shapes[full])
+        return by_body if self.of_each["method" if of_method else "system"] else by_body.sum(axis=0)
 
 
 # ------------------------------------------------------------------ the way forwards
@@ -191,20 +146,23 @@ class Forward:
     """A run, and the states at which its blocks begin.
 
     edges : (blocks + 1,) the numbers of the steps.  states : there.  example : a state as formulas take it, of many sites in
-    a row.  begins, lengths : of the steps of a run by an error estimate.
+    a row.
     """
 
-    def __init__(self, plan: Any, run: Trajectory, edges: np.ndarray, t0: float, frames: Frames, example: State,
-                 begins: Any = None, lengths: Any = None) -> None:  # fmt: skip
+    def __init__(
+        self, plan: Any, run: Trajectory, edges: np.ndarray, t0: float, frames: Frames, example: State
+    ) -> None:
         self.plan, self.run, self.edges, self.t0, self.example = plan, run, edges, t0, example
-        self.begins, self.lengths, self.bodies = begins, lengths, run.bodies or 1
+        self.bodies = run.bodies or 1
         self.states = StatesInFrames(frames, {n: x if run.bodies else x[:, None] for n, x in run.states.items()})
 
     def times(self, body: int) -> tuple[np.ndarray, ...]:
         """Of all blocks the time and the length of the first step and of the last one."""
-        first, last, h = self.edges[:-1], self.edges[1:] - 1, self.plan._steps.h_of(body)
-        if self.begins is not None:
-            return self.begins[first], self.lengths[first], self.begins[last], self.lengths[last]
+        first, last, steps = self.edges[:-1], self.edges[1:] - 1, self.plan._steps
+        if steps.clock == "step":  # of a run by an error estimate
+            begins, lengths = steps.method.begun.array, steps.method.lengths.array
+            return begins[first], lengths[first], begins[last], lengths[last]
+        h = steps.h_of(body)
         lengths = np.full(len(first), h)
         return self.t0 + first * h, lengths, self.t0 + last * h, lengths
 
@@ -216,9 +174,10 @@ def block_length(steps: int, lanes: int, directions: ParameterDirections, every:
     """
     blocks = max(LEAST // lanes, min(MOST, -(-steps // LONGEST)), -(-LEAST * 9 // lanes))
     length = max(1, -(-steps // blocks))
-    if directions.tables:
-        intervals = sum(int(table.table.intervals) for table in directions.tables)
-        width = max(-(-table.width // directions.side) for table in directions.tables)
+    tables = directions.tables.each
+    if tables:
+        intervals = sum(int(table.table.intervals) for table in tables)
+        width = max(-(-table.width // directions.side) for table in tables)
         length = min(length, max(8, math.isqrt(int(steps * OVERHEAD / (intervals * width)))))
     return every // -(-every // length) if every % -(-every // length) == 0 else divisor(every, length)
 
@@ -247,27 +206,29 @@ class MetIntervals:
     def _met(self, forward: Forward, table: Any, body: int, beyond: float) -> Any:
         """Those of one body, as its steps see them from inside."""
         begin, h, end, last = forward.times(body)
-        ends = [np.stack([t, t + s]) for t, s in ((begin, h), (end, last))]
-        inside = 1.0 if forward.plan._steps.clock == "t" else -4.0  # beyond the ends, as in any of them
-        slack = [inside * NEAR * np.abs(x).max(axis=0) for x in ends]
-        low = np.minimum(ends[0].min(axis=0) + slack[0], begin + 0.5 * h)
-        high = np.maximum(ends[1].max(axis=0) - slack[1], end + 0.5 * last)
-        if h[0] < 0.0:
-            low = np.minimum(ends[1].min(axis=0) + slack[1], end + 0.5 * last)
-            high = np.maximum(ends[0].max(axis=0) - slack[0], begin + 0.5 * h)
-        low, high = low - beyond * np.abs(h), high + beyond * np.abs(last)
-        knots, n = np.asarray(table.knots), int(table.intervals)
+        inside = NEAR if forward.plan._steps.clock == "t" else -4.0 * NEAR  # beyond the ends, as in any of them
+        ends = [
+            (t, inside * np.maximum(np.abs(step), np.abs(step + length)), step + 0.5 * length)
+            for t, step, length in ((begin, begin, h), (end + last, end, last))
+        ]
+        (low, slack_low, middle_low), (high, slack_high, middle_high) = ends if h[0] > 0.0 else ends[::-1]
+        low = np.minimum(low + slack_low, middle_low) - beyond * np.abs(h)
+        high = np.maximum(high - slack_high, middle_high) + beyond * np.abs(last)
+        knots, n, turns = np.asarray(table.knots), int(table.intervals), 0
         if table.outside == "repeat":
             length = knots[-1] - knots[0]
             turn = (low - knots[0]) // length
-            low, high = low - turn * length, high - turn * length
-            turns = (high - knots[0]) // length
-            first = np.clip(np.searchsorted(knots, low, "right") - 1, 0, n - 1)
-            last_one = np.searchsorted(knots, high - turns * length, "left") - 1
-            count = np.clip(last_one, 0, n - 1) + n * turns.astype(int) - first + 1
-            return first, np.clip(count, 1, n)
+            turns = ((high - turn * length - knots[0]) // length).astype(int)
+            low, high = low - turn * length, high - turn * length - turns * length
         first = np.clip(np.searchsorted(knots, low, "right") - 1, 0, n - 1)
-        return first, np.clip(np.searchsorted(knots, high, "left") - 1, 0, n - 1) - first + 1
+        count = np.clip(np.searchsorted(knots, high, "left") - 1, 0, n - 1) + n * turns - first + 1
+        return first, np.clip(count, 1, n)
+
+    def counting(self, block: np.ndarray, body: np.ndarray) -> np.ndarray:
+        """The first and the last interval that may count in blocks of bodies, (2, n)."""
+        first, last = self.first[block, body], self.first[block, body] + self.count[block, body] - 1
+        again = last >= self.intervals  # it begins anew in the block
+        return np.stack([np.where(again, 0, first), np.where(again, self.intervals - 1, last)])
 
 
 # ------------------------------------------------------------------ the way backwards
@@ -289,7 +250,7 @@ class PreparedGradient:
 
     def __init__(self, plan: Any, bodies: int | None, one: Any, names: Any, t0: float) -> None:
         self.system, self.frames = plan.system, Frames(plan._steps.one, one)
-        self.given = plan, bodies, names, t0, self.frames.count, layout_of(one).width
+        self.given = plan, one, bodies, names, t0, self.frames.count
         self.directions = ParameterDirections(*self.given)
         self.blocks: Blocks | None = None
 
@@ -311,28 +272,20 @@ class PreparedGradient:
         # step number n is made at the time n by a method that knows when it began and how long it was
         edges = np.minimum(np.arange(-(-steps // length) + 1) * length, steps)
         some = dataclasses.replace(run, t=run.t[edges], states={name: x[edges] for name, x in run.states.items()})
-        return Forward(plan, some, edges, 0.0, self.frames, one, plan.begun, run.t[1:] - plan.begun)
+        return Forward(plan, some, edges, 0.0, self.frames, one)
 
-    def blocks_of(self, way: Steps, forward: Forward, work: int) -> Blocks:
+    def blocks_of(self, forward: Forward, work: int) -> Blocks:
         """The code for the blocks of a run.  work : steps of all blocks and directions."""
-        several = self.directions.side > 1
+        blocks = self.blocks or Blocks(forward.plan._steps, self.directions, forward.example)
         try:
-            blocks = self.blocks or self._blocks(self.directions, way, forward)
-            own = blocks.of_a_run(forward.t0, work, several)
+            of_run = blocks.of_a_run(forward.t0, work)
         except NotCompilable:
-            if not several:
+            if self.directions.side == 1:
                 raise
-            # direction by direction the code is shorter
-            self.directions = ParameterDirections(*self.given, 1)
-            blocks = self._blocks(self.directions, way, forward)
-            own = blocks.of_a_run(forward.t0, work, False)
+            self.directions, self.blocks = ParameterDirections(*self.given, side=1), None
+            return self.blocks_of(forward, work)  # direction by direction the code is shorter
         self.blocks = blocks
-        return own
-
-    @staticmethod
-    def _blocks(directions: ParameterDirections, way: Steps, forward: Forward) -> Blocks:
-        given = dataclasses.replace(way, system=directions.systems.example, method=directions.raw[0], shapes={})
-        return Blocks(given, directions, forward.example)
+        return of_run
 
 
 def prepared(plan: Any, bodies: int | None, one: Any, names: Any, t0: float, lasting: bool) -> PreparedGradient:
@@ -347,34 +300,29 @@ def prepared(plan: Any, bodies: int | None, one: Any, names: Any, t0: float, las
 
 
 class Backward:
-    """The derivative of a loss, from the last block to the first one.
+    """The derivative of a number by the start and by parameters, from the last block to the first one.
 
-    felt : (edges, bodies, N) the derivatives by the states there.
+    felt : (edges, bodies, N) its derivatives by the states there.
+    slope : (bodies, N) by the state at hand.  by_parameters : (bodies, parameters).  by_tables : of each table, (systems,
+    intervals, coefficients).  growth : (bodies, N, N), the transposed tangent map from the state at hand to the end.
     """
 
     def __init__(self, forward: Forward, known: PreparedGradient, felt: np.ndarray) -> None:
-        self.forward, self.felt = forward, felt
-        way = forward.plan._steps
+        self.forward, self.felt, self.slope = forward, felt, felt[-1]
         self.bodies, self.count = bodies, count = felt.shape[1:]
-        work = int(forward.edges[-1]) * bodies * count
-        self.blocks = known.blocks_of(way, forward, work)
+        self.blocks = known.blocks_of(forward, int(forward.edges[-1]) * bodies * count)
         directions = self.directions = self.blocks.directions
-        self.side = directions.side
-        self.groups = -(-(count + directions.count) // self.side)
-        self.lanes_of_block = bodies * self.groups
-        self.slope = felt[-1]
+        self.groups = -(-(count + directions.count) // directions.side)
         self.growth = np.broadcast_to(np.eye(count), (bodies, count, count))
-        self.found = np.zeros((bodies, directions.count))
-        self.of_tables = [
-            np.zeros((bodies if directions.own else 1, int(t.table.intervals), t.width)) for t in directions.tables
-        ]
-
+        self.by_parameters = np.zeros((bodies, directions.count))
+        systems = bodies if directions.of_each["system"] else 1
+        self.by_tables = [np.zeros((systems, int(t.table.intervals), t.width)) for t in directions.tables.each]
         self.met = [MetIntervals(forward, tables) for tables in directions.of_things]
 
     def go(self) -> None:
         """Go backwards through all blocks."""
         blocks, edges = len(self.forward.edges) - 1, self.forward.edges
-        chunk = max(1, LANES // (self.lanes_of_block * self.side))
+        chunk = max(1, LANES // (self.bodies * self.groups * self.directions.side))
         with Bar(self.forward.plan.options.progress, int(edges[-1])) as bar:
             for end in range(blocks, 0, -chunk):
                 begin = max(0, end - chunk)
@@ -383,60 +331,93 @@ class Backward:
 
     def _chunk(self, begin: int, end: int, done: float) -> None:
         """Go backwards through some blocks."""
-        forward, directions = self.forward, self.directions
-        many, bodies, count = end - begin, self.bodies, self.count
-        basis = forward.states.basis(slice(begin, end + 1))
-        duals = dual_basis(basis[1:])
-        each, side, groups = count + directions.count, self.side, self.groups
-        k, i, group = (x.ravel() for x in np.indices((many, bodies, groups)))
-        d = group[:, None] * side + np.arange(side)
-        moves = np.zeros((many, bodies, groups * side, basis.shape[-1]))
-        moves[:, :, :count] = basis[:-1]
-        moves = moves.reshape(len(k), side, -1).transpose(2, 1, 0)
-        d = np.where((d < count) | (d >= each), -1, d - count)
-        lanes: list[Any] = [(k, i, d, moves, None)]
-        for number, table in enumerate(directions.tables):
-            lanes.append(self._lanes_of_table(number, table, begin, end))
-        found = self._through(begin, lanes[0], duals, done)
-        jacobians = found.reshape(many, bodies, groups * side, count)[:, :, :each]
-        after = np.empty((many, bodies, count))
-        for n in range(many - 1, -1, -1):
-            after[n] = self.slope
-            moved = (jacobians[n] @ self.slope[..., None])[..., 0]
-            self.found += moved[:, count:]
-            self.slope = moved[:, :count] + self.felt[begin + n]
-            self.growth = jacobians[n, :, :count] @ self.growth
-        for number, own in enumerate(lanes[1:]):
-            found = self._through(begin, own, duals, done)
-            moved = (found @ after[own[0], own[1]][..., None])[..., 0]
-            into = self.of_tables[number]
-            body = own[1] if len(into) > 1 else np.zeros_like(own[1])
-            lane, slot = np.nonzero(own[4][1] >= 0)
-            place = body[lane], own[4][2][lane], own[4][1][lane, slot]
-            np.add.at(into, place, moved[lane, slot])
+        basis, count = self.forward.states.basis(slice(begin, end + 1)), self.count
+        through = begin, dual_basis(basis[1:]), done
+        jacobians = self._jacobians(basis[:-1], through)
+        cotangents = np.empty((end - begin, self.bodies, count))  # by the states at the ends of the blocks
+        for k in range(end - begin - 1, -1, -1):
+            cotangents[k] = self.slope
+            pulled = (jacobians[k] @ self.slope[..., None])[..., 0]
+            self.by_parameters += pulled[:, count:]
+            self.slope = pulled[:, :count] + self.felt[begin + k]
+            self.growth = jacobians[k, :, :count] @ self.growth
+        for number in range(len(self.by_tables)):
+            self._add_table(number, cotangents, through)
 
-    def _lanes_of_table(self, number: int, table: Any, begin: int, end: int) -> Any:
-        """The directions of a table in some blocks."""
-        met = self.met[number]
-        k, i = (x.ravel() for x in np.indices((end - begin, self.bodies)))
-        count = met.count[begin + k, i]
-        which = np.repeat(np.arange(len(k)), count)
-        after = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)
-        interval = (met.first[begin + k, i][which] + after) % int(table.table.intervals)
-        component = np.arange(-(-table.width // self.side) * self.side).reshape(-1, self.side)
+    def _jacobians(self, basis: np.ndarray, through: tuple[int, np.ndarray, float]) -> np.ndarray:
+        """The transposed derivatives of the ends of blocks by their beginnings, with this basis, and by parameters, (blocks,
+        bodies, N + parameters, N).
+        """
+        directions, side, count = self.directions, self.directions.side, self.count
+        shape = *basis.shape[:2], self.groups
+        block, body, group = (x.ravel() for x in np.indices(shape))
+        moves = np.zeros((*shape[:2], self.groups * side, basis.shape[-1]))
+        moves[:, :, :count] = basis
+        parameter = group[:, None] * side + np.arange(side) - count
+        parameter[(parameter < 0) | (parameter >= directions.count)] = -1
+        ends = self._through(*through, block, body, moves.reshape(len(block), side, -1).transpose(2, 1, 0), parameter)
+        return ends.reshape(*shape[:2], self.groups * side, count)[:, :, : count + directions.count]
+
+    def _add_table(self, number: int, cotangents: np.ndarray, through: tuple[int, np.ndarray, float]) -> None:
+        """Add the derivative by the coefficients of a table, each by the blocks that meet its interval."""
+        table, met, side, begin = (
+            self.directions.tables.each[number],
+            self.met[number],
+            self.directions.side,
+            through[0],
+        )
+        block, body = (x.ravel() for x in np.indices(cotangents.shape[:2]))
+        count = met.count[begin + block, body]
+        each = np.repeat(np.arange(len(block)), count)
+        after = np.arange(len(each)) - np.repeat(np.cumsum(count) - count, count)
+        interval = (met.first[begin + block, body][each] + after) % met.intervals
+        component = np.arange(-(-table.width // side) * side).reshape(-1, side)
         component[component >= table.width] = -1
-        rows = len(component)
-        component = np.tile(component, (len(which), 1))
-        which, interval = np.repeat(which, rows), np.repeat(interval, rows)
-        k, i = k[which], i[which]
-        return k, i, np.full(component.shape, -1), None, (number, component, interval)
+        each, interval = np.repeat(each, len(component)), np.repeat(interval, len(component))
+        component, block, body = np.tile(component, (int(count.sum()), 1)), block[each], body[each]
+        ends = self._through(*through, block, body, table=(number, component, interval))
+        pulled = (ends @ cotangents[block, body][..., None])[..., 0]
+        lane, slot = np.nonzero(component >= 0)
+        system = body[lane] if len(self.by_tables[number]) > 1 else np.zeros_like(lane)
+        np.add.at(self.by_tables[number], (system, interval[lane], component[lane, slot]), pulled[lane, slot])
 
-    def _counting(self, number: int, block: np.ndarray, body: np.ndarray) -> Any:
-        """The first and the last interval of a table that may count in blocks."""
-        met = self.met[number]
-        first, last = met.first[block, body], met.first[block, body] + met.count[block, body] - 1
-        all_of_them = last >= met.intervals  # it begins anew in the block
-        return np.where(all_of_them, 0, first), np.where(all_of_them, met.intervals - 1, last)
+    def _through(
+        self, begin: int, duals: np.ndarray, done: float, block: np.ndarray, body: np.ndarray,
+        moves: Any = None, parameter: Any = None, table: Any = (None, None, None),
+    ) -> np.ndarray:  # fmt: skip
+        """The changes of the ends of blocks of bodies, (lanes, side, N), along changes of their beginnings, (width, side,
+        lanes), of parameters, by their numbers, and of a table, its number, coefficients and intervals; -1 for none.
+        """
+        forward, directions, side = self.forward, self.directions, self.directions.side
+        changes = np.empty((len(block), side, self.count))
+        none = np.full((len(block), side), -1)
+        for at in range(0, len(block), PIECE // side):
+            some = slice(at, at + PIECE // side)
+            k, i = begin + block[some], body[some]
+            values = forward.states.numbers[k, i]
+            starts = np.zeros((values.shape[1], 1 + side, len(values)))
+            starts[:, 0] = values.T
+            if moves is not None:
+                starts[:, 1:] = moves[..., some]
+            along = (none if parameter is None else parameter)[some]
+            systems, methods = directions.systems.columns(i, along), directions.methods.columns(i, along)
+            for n, each in enumerate(directions.tables.each):
+                component, interval = (table[1][some], table[2][some]) if table[0] == n else (none[some], none[some, 0])
+                each.write(
+                    directions.systems,
+                    systems,
+                    component,
+                    interval,
+                    self.met[n].counting(k, i),
+                    i,
+                    directions.of_things[n],
+                )
+            first, last = forward.edges[k].astype(float), forward.edges[k + 1].astype(float)
+            ends = self.blocks.run(starts.reshape(-1, len(values)), i, first, last, systems, methods, done)
+            ends = ends.reshape(starts.shape)
+            require_same(forward.plan.method, ends[:, 0].T, forward.states.numbers[k + 1, i])
+            changes[some] = ends[:, 1:].transpose(2, 1, 0) @ duals[k - begin, i]
+        return changes
 
     def relative_growth(self) -> float:
         """The growth of the worst body beside the size of each part of the state, which units do not change."""
@@ -447,52 +428,8 @@ class Backward:
             scale = np.where(largest > 0.0, largest, 1.0) if name != "g" else np.ones(self.bodies)
             scales.append(np.repeat(scale[:, None], frames.sizes[name], axis=1))
         scale = np.concatenate(scales, axis=1)
-        found = self.growth * scale[:, :, None] / scale[:, None, :]
-        return float(np.linalg.norm(found, 2, axis=(1, 2)).max())
+        return float(np.linalg.norm(self.growth * scale[:, :, None] / scale[:, None, :], 2, axis=(1, 2)).max())
 
     def by(self, name: str) -> np.ndarray:
-        """The derivative by a parameter."""
-        if name == "start":
-            return self.slope
-        mine = next(p for p in self.directions.parameters if p.name == name)
-        if mine.varied is not None:
-            number = next(n for n, t in enumerate(self.directions.tables) if t is mine.varied)
-            found = mine.varied.by(self.of_tables[number], mine.values)
-            return found if self.directions.own else found[0]
-        size = math.prod(mine.shape)
-        found = self.found[:, mine.place : mine.place + size].reshape(-1, *mine.shape)
-        of_each = self.directions.own_methods if mine.of_method else self.directions.own
-        return found if of_each else found.sum(axis=0)
-
-    def _through(self, begin: int, lanes: Any, duals: np.ndarray, done: float) -> np.ndarray:
-        """Take directions through their blocks: the components of what becomes of them, (lanes, side, N)."""
-        k, i, d, moves, table = lanes
-        forward, directions = self.forward, self.directions
-        side = self.side
-        found = np.empty((len(k), side, self.count))
-        piece = PIECE // side
-        for at in range(0, len(k), piece):
-            some = slice(at, at + piece)
-            block, body = k[some], i[some]
-            values = forward.states.numbers[begin + block, body]
-            starts = np.zeros((values.shape[1], 1 + side, len(values)))
-            starts[:, 0] = values.T
-            if moves is not None:
-                starts[:, 1:] = moves[..., some]
-            systems = directions.systems.columns(body, d[some])
-            methods = directions.methods.columns(body, d[some])
-            for n, own in enumerate(directions.tables):
-                mine = table is not None and table[0] == n
-                component = table[1][some] if mine else np.full((len(body), side), -1)
-                interval = table[2][some] if mine else component[:, 0]
-                part = np.stack(self._counting(n, begin + block, body))
-                tables = directions.of_things[n]
-                own.write(directions.systems, systems, component, interval, part, body, tables)
-            first, last = forward.edges[begin + block], forward.edges[begin + block + 1]
-            out = self.blocks.run(
-                starts.reshape(-1, len(values)), body, first.astype(float), last.astype(float),
-                systems, methods, done,
-            ).reshape(starts.shape)  # fmt: skip
-            require_same(forward.plan.method, out[:, 0].T, forward.states.numbers[begin + block + 1, body])
-            found[some] = out[:, 1:].transpose(2, 1, 0) @ duals[block, body]
-        return found
+        """The derivative by the start, or by a parameter."""
+        return self.slope if name == "start" else self.directions.by(name, self.by_parameters, self.by_tables)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -126,25 +127,41 @@ class VariedInput:
                 columns[rows[name][0], mine] = numbers
 
 
-def table_of(system: Any, name: str, caller: str, known: Any = ()) -> tuple[VariedInput, bool] | None:
-    """The table with this name, "torque.values" or "torque.coefficients", and whether the name is of values; None for
-    other parameters.
+class Tables:
+    """The tables by which a motion is differentiated.
 
-    known : VariedInputs that may be the table's.  caller : for messages.  Raises InvalidInput for values of a table
-    that has coefficients alone.
+    by_name : of "torque.values" or "torque.coefficients", the table and whether it is by its values.  each : each table
+    once.  Raises InvalidInput for values of a table that has coefficients alone.  caller : for messages.
     """
-    before, _, last = name.rpartition(".")
-    if last not in ("values", "coefficients") or not before:
-        return None
-    table = parameter(system, full_name(system, before, caller))
-    if not isinstance(table, PiecewisePolynomial):
-        return None
-    number = next(k for k, x in enumerate(inputs(system)) if x is table)
-    varied_input = next((x for x in known if x.number == number), None) or VariedInput(number, table)
-    if last == "values" and not table.has_values:
-        raise InvalidInput(
-            f"{caller}: {name}: values are those of steps (PiecewisePolynomial.constant) and of "
-            f"straight lines (.linear); of {table!r} ask for {before}.coefficients, from which those "
-            "of values follow by the chain rule"
-        )
-    return varied_input, last == "values"
+
+    def __init__(self, system: Any, names: Iterable[str], caller: str) -> None:
+        self.by_name: dict[str, tuple[VariedInput, bool]] = {}
+        self.each: list[VariedInput] = []
+        for name in names:
+            before, _, last = name.rpartition(".")
+            if last not in ("values", "coefficients") or not before:
+                continue
+            table = parameter(system, full_name(system, before, caller))
+            if not isinstance(table, PiecewisePolynomial):
+                continue
+            if last == "values" and not table.has_values:
+                raise InvalidInput(
+                    f"{caller}: {name}: values are those of steps (PiecewisePolynomial.constant) and of "
+                    f"straight lines (.linear); of {table!r} ask for {before}.coefficients, from which those "
+                    "of values follow by the chain rule"
+                )
+            number = next(k for k, x in enumerate(inputs(system)) if x is table)
+            if number not in [x.number for x in self.each]:
+                self.each.append(VariedInput(number, table))
+            self.by_name[name] = next(x for x in self.each if x.number == number), last == "values"
+
+    def in_system(self, system: Any) -> Any:
+        """The system with VariedTables in their place."""
+        for table in self.each:
+            system = table.in_system(system)
+        return system
+
+    def find(self, system: Any) -> None:
+        """Set the places of the numbers of all among those of the system."""
+        for table in self.each:
+            table.find(system)

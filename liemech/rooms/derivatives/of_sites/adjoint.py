@@ -35,6 +35,7 @@ from ...sites.spin_splittings import TermSplitting, terms_of
 from ...sites.terms.sums_of_terms import MomentumTerms, PlaceTerms
 from ...sites.terms.terms_at_site import ForceOfSite
 from ..blocks import remembers, require_same
+from ..frames import Frames
 from ..reversal import go_back
 from ..steps_backwards import BondTurn, FieldTurn, Question, asks_whole_energies, parts_of, questions
 from ..tangent import StepsOfARun
@@ -83,7 +84,9 @@ class BackwardRun:
         self.grid: Any = None  # when steps begin, and how long they are, where they are of many lengths
         if isinstance(way, StepsOfARun):
             self.grid = way.begun.array[:-1], way.lengths.array[:-1]
-        self.names, self.first = tuple(start.arrays), first_of(start)
+        self.first = first_of(start)
+        self.frames = Frames(sites.site, self.first)
+        self.dims = self.frames.sizes
         self.lists = Lists.of(plan._one, sites.site)
         wanted = [Parameter(plan._one, name) for name in names]
         self.cut = None if uncut(way) is way else way
@@ -179,18 +182,9 @@ class BackwardRun:
         return [(name, parts.get(name)) for name in found]
 
     @property
-    def dims(self) -> dict[str, int]:
-        """How many components a site has, by the parts of its state."""
-        one = self.plan._one
-        group = getattr(one, "configurations", one.group)
-        dim = getattr(group, "base", group).dim
-        parts = self.first.parts
-        return {name: dim if name == "g" else len(parts[name]) for name in self.names}
-
-    @property
     def components(self) -> int:
         """How many components all sites have together."""
-        return self.sites * sum(self.dims.values())
+        return self.sites * self.frames.count
 
     def _room(self, steps: int, kept: bool) -> None:
         """Memory: for states of a block of steps, and for what some parts of them ask."""
@@ -251,21 +245,13 @@ class BackwardRun:
 
     def _rows_of(self, components: np.ndarray) -> np.ndarray:
         """Components, (N,), as numbers of sites at their places, (width, places)."""
-        found, at = np.zeros((self.way.felt.width, self.count)), 0
-        row = 0
-        for size in self.dims.values():
-            some = components[at : at + size * self.sites].reshape(self.sites, size)
-            found[row : row + size, self.places] = some.T
-            row, at = row + size, at + some.size
-        return found
+        rows = np.zeros((self.way.felt.width, self.count))
+        rows[:, self.places] = self.frames.of_each(components[None])[0].T
+        return rows
 
     def _components(self) -> np.ndarray:
         """The derivative by the state at hand, (N,)."""
-        rows, found, row = self.felt.array[:, self.places], [], 0
-        for size in self.dims.values():
-            found.append(rows[row : row + size].T.ravel())
-            row += size
-        return np.concatenate(found)
+        return self.frames.in_a_row(self.felt.array[:, self.places].T[None])[0]
 
     def back(self, given: Mapping[int, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """The derivative by the start, (N,), and by the parameters, of a function that has these

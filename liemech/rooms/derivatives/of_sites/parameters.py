@@ -66,13 +66,18 @@ class Slot:
         """The shape of the value at one edge."""
         return self.value.shape if isinstance(self.value, Each) else np.shape(self.value)
 
+    @property
+    def width(self) -> int:
+        """How many numbers the value has at one edge."""
+        return max(1, int(np.prod(self.shape)))
+
     def at_edges(self, count: int, ends: Any = None) -> VariedParameter:
         """Its values at so many edges.  ends : of one of sites, which they are."""
         if isinstance(self.value, Each):
             values = self.value.values if ends is None else self.value.values[ends]
             values = values.reshape(count, -1)
         else:
-            values = np.broadcast_to(np.asarray(self.value, dtype=float).ravel(), (count, max(1, np.size(self.value))))
+            values = np.broadcast_to(np.asarray(self.value, dtype=float).ravel(), (count, self.width))
         return VariedParameter(SiteArray.of(values if self.shape else values[:, 0]), self.shape)
 
     def by_parameter(self, rows: np.ndarray) -> np.ndarray:
@@ -108,6 +113,7 @@ class Parameter:
             self.path: Any = (self.energy.names.index(name),)
             self.value = self.energy.own[self.path[0]]
             self.slots = [Slot(self, self.path, self.value)]
+            self.shape = self.slots[0].shape
             return
         self.name, self.full = name, full_name(system, name, caller)
         parts = self.full.split(".")
@@ -121,15 +127,16 @@ class Parameter:
         known = self.energy is not None and rest[0] == "parts" and rest[2] == "term"
         self.path = tuple(rest[3:]) if known else ()
         inner = {*self.path[:-1]} - WRAPPERS
-        number = isinstance(value, Each) or shape_of(layout_of(value)) is not None
-        if not (number and known and self.path and not inner):
+        if not (_is_numeric(value) and known and self.path and not inner):
             raise IncompatibleSystem(
                 f"{caller}: {name} is no field of a term; derivatives by other parameters of many sites "
                 "are found by `along=` of runs with other values, or where the system is written out"
             )
         self.which = int(rest[1])
         owner = parameter(system, ".".join(parts[:-1]))
-        self.slots = [Slot(self, self.path, value), *self._following(owner, parts[-1])]
+        self.slots = [Slot(self, self.path, value)]
+        self.shape = self.slots[0].shape
+        self.slots += self._following(owner, parts[-1])
 
     def _following(self, owner: Any, field: str) -> list[Slot]:
         """The fields that follow from the parameter, such as the inverse of an inertia.  Raises
@@ -138,7 +145,7 @@ class Parameter:
         given = {name: getattr(owner, name) for name in named(type(owner))}
         start = self.value.values if isinstance(self.value, Each) else np.asarray(self.value, float)
         count = len(start) if isinstance(self.value, Each) else 1
-        width = max(1, int(np.prod(self.shape)))
+        width = self.slots[0].width
         sizes = sizes_of(start.reshape(count, *self.shape))
 
         def moved(direction: np.ndarray, e: float) -> Any:
@@ -148,21 +155,14 @@ class Parameter:
             return type(owner)(**{**given, field: new})
 
         units = np.eye(width)
-        if len(self.shape) == 2 and self._symmetric(start):  # such as an inertia, which stays so
+        if len(self.shape) == 2 and np.array_equal(start, np.swapaxes(start, -1, -2)):  # an inertia, which stays so
             tilted = units.reshape(width, *self.shape)
             units = 0.5 * (tilted + np.swapaxes(tilted, 1, 2)).reshape(width, width)
         near = moved(units.sum(axis=0) * 0.25, 0.5)
         kind: Any = type(near)
-        own = [x for x in names_of(kind) if x != field]
-        others = [x for x in own if not _same(getattr(near, x), getattr(owner, x))]
-        if (
-            _same(getattr(near, field), self.value)
-            or {*others} & {*given}
-            or not all(
-                isinstance(getattr(owner, x), Each) or shape_of(layout_of(getattr(owner, x))) is not None
-                for x in others
-            )
-        ):
+        others = [x for x in names_of(kind) if x != field and not _same(getattr(near, x), getattr(owner, x))]
+        numeric = all(_is_numeric(getattr(owner, x)) for x in others)
+        if _same(getattr(near, field), self.value) or {*others} & {*given} or not numeric:
             raise IncompatibleSystem(
                 f"Plan.gradient: {self.name} of {type(owner).__name__} is not used as it is given; give the "
                 "term the numbers that its energy uses"
@@ -179,15 +179,6 @@ class Parameter:
                 by[:, k] = slope_of(numbers, APART) / sizes.reshape(count, width)[:, k, None]
             found.append(Slot(self, (*self.path[:-1], name), value, by))
         return found
-
-    def _symmetric(self, values: np.ndarray) -> bool:
-        """Whether all values are symmetric matrices."""
-        return self.shape[0] == self.shape[1] and np.array_equal(values, np.swapaxes(values, -1, -2))
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """The shape of the value at one edge."""
-        return self.value.shape if isinstance(self.value, Each) else np.shape(self.value)
 
     def put(self, term: Any, varied: VariedParameter, path: tuple[str, ...]) -> Any:
         """The term with the varied parameter at the end of a path of fields."""
@@ -226,7 +217,7 @@ class SlopesOfPart:
         self.held = [held[k][:2] for k in order]  # as formulas find them
         self.sites = group.copies
         self.asked = asked
-        width = sum(max(1, int(np.prod(one.shape))) for one, _ in self.held)
+        width = sum(slot.width for slot, _ in self.held)
         self.total = carried_layout(zeros(width))
         self.sums = Planes.of_rows(width, self.count)
         planes = Planes.of_rows(1, 1)
@@ -248,9 +239,8 @@ class SlopesOfPart:
         result: dict[str, Any] = {}
         begin = 0
         for one, ends in self.held:
-            width = max(1, int(np.prod(one.shape)))
-            rows = self.sums.array[begin : begin + width, : self.count].T.reshape(-1, *one.shape)
-            begin += width
+            rows = self.sums.array[begin : begin + one.width, : self.count].T.reshape(-1, *one.shape)
+            begin += one.width
             if ends is not None:
                 edges, rows = rows, np.zeros((self.sites, *one.shape))
                 np.add.at(rows, ends, edges)
@@ -263,6 +253,11 @@ class SlopesOfPart:
 def terms_of_sites(system: Any, name: str) -> list[OfTerms]:
     """The terms whose sites have a parameter of this name."""
     return [x for x in records_in(system, OfTerms) if name in x.names]
+
+
+def _is_numeric(value: Any) -> bool:
+    """Is a value a number, a vector or a matrix, or one for each edge?"""
+    return isinstance(value, Each) or shape_of(layout_of(value)) is not None
 
 
 def _numbers(value: Any) -> np.ndarray:

@@ -4,7 +4,6 @@ them.
 
 from __future__ import annotations
 
-import inspect
 from dataclasses import replace
 from typing import Any
 
@@ -15,7 +14,7 @@ from ....formulas.classes.of_each import Each
 from ....simulation.compiled.parameters import full_name, parameter
 from ...sites.runs.states import first_of
 from ..frames import Frames, StatesInFrames
-from ..losses import Objective
+from ..losses import Objective, arguments_of
 from .adaptive import steps_of, with_samples
 from .adjoint import BackwardRun
 from .parameters import terms_of_sites
@@ -116,10 +115,5 @@ def goes_by_sites(plan: Any, start: Any, names: tuple[str, ...], *functions: Any
 
 def of_site(function: Any) -> bool:
     """Is it a function of a site, or of time and a site, by the name of its last argument?"""
-    if function is None:
-        return False
-    try:
-        names = [*inspect.signature(function).parameters]
-    except (TypeError, ValueError):
-        return False
-    return 1 <= len(names) <= 2 and names[-1] == "site"
+    names = arguments_of(function)
+    return len(names) in (1, 2) and names[-1] == "site"

@@ -75,45 +75,34 @@ def of_fixed_steps(sites: Any, start: Any, steps: int, t0: float, given: Any) ->
     """The run of `tangent_by_sites` with fixed steps."""
     plan, first = sites.plan, first_of(start)
     frames, every = Frames(sites.site, first), plan.options.every
-    n = start.sites * frames.count
+    n, samples = start.sites * frames.count, steps // every + 1
     name, wanted = given or ("start", None)
-    some: Any = None if wanted is None else arguments.directions(name, wanted, n)
-    out = n if some is None else 1 if some.ndim == 1 else some.shape[1]
-    passes = out * (steps // every + 1)
-    if name == "against" and passes <= n:
+    directions = np.eye(n) if wanted is None else arguments.directions(name, wanted, n)
+    columns = directions.reshape(n, -1)
+    affordable(8 * columns.size * (samples + 1), steps, every)
+    run_with = sites.site, start, t0, steps, None, None, None
+    tangent = None
+    if name == "against" and columns.shape[1] * samples <= n:
         with contextlib.suppress(IncompatibleSystem):
-            return against_by_sites(sites, start, steps, t0, some)
-    affordable(8 * n * out * (steps // every + 2), steps, every)
-    products, basis = [], frames.basis(start.arrays)
-    for direction in np.atleast_2d(some.T) if name == "along" else np.eye(n):
-        slopes = np.einsum("sc,scn->ns", frames.of_each(direction[None])[0], basis)
-        kind = type("RunAlong", (Along, sites.kind), {"slopes": slopes})
-        run = kind(plan, sites.site, start, t0, steps, None, None, None)
-        made = run.trajectory()
-        values, slopes = run.halves()
-        states = unpacked(layout_of(first), np.moveaxis(values, 1, -1))
-        duals = dual_basis(StatesInFrames(frames, states).basis())
-        column = frames.in_a_row((np.moveaxis(slopes, 1, -1)[:, :, None] @ duals)[:, :, 0])
-        products.append(column @ some if name == "against" else column)
-    tangent = np.stack(products, axis=1 if name == "against" else -1)
-    one = name == "along" and some.ndim == 1
+            back = BackwardRun(sites, start, steps, t0)
+            run = sites.kind(plan, *run_with)
+            made = run.trajectory()
+            states = made.states
+            tangent = np.stack([[back.back({k: w})[0] for w in columns.T] for k in run.numbers.tolist()]).swapaxes(1, 2)
+    if tangent is None:
+        products, basis = [], frames.basis(start.arrays)
+        for direction in columns.T if name == "along" else np.eye(n):
+            slopes = np.einsum("sc,scn->ns", frames.of_each(direction[None])[0], basis)
+            run = type("RunAlong", (Along, sites.kind), {"slopes": slopes})(plan, *run_with)
+            made = run.trajectory()
+            values, slopes = (np.moveaxis(x, 1, -1) for x in run.halves())
+            by_site = unpacked(layout_of(first), values)
+            duals = dual_basis(StatesInFrames(frames, by_site).basis())
+            product = frames.in_a_row((slopes[:, :, None] @ duals)[:, :, 0])
+            products.append(product @ columns if name == "against" else product)
+        tangent = np.stack(products, axis=1 if name == "against" else -1)
+        states = plan._one.as_users_see(by_site)
     return of_tangent(
-        made, made.steps, {name: tangent[..., 0] if one else tangent}, system=plan.system,
-        method=plan.method, h=made.h, t=made.t, states=plan._one.as_users_see(states),
-    )  # fmt: skip
-
-
-def against_by_sites(sites: Any, start: Any, steps: int, t0: float, some: np.ndarray) -> Any:
-    """A run of many sites with J^T w, for which it is gone through backwards once from each sample."""
-    plan, back = sites.plan, BackwardRun(sites, start, steps, t0)
-    columns = some[:, None] if some.ndim == 1 else some
-    affordable(8 * columns.size * (steps // plan.options.every + 2), steps, plan.options.every)
-    run = sites.kind(plan, sites.site, start, t0, steps, None, None, None)
-    made = run.trajectory()
-    rows = [np.stack([back.back({n: w})[0] for w in columns.T], axis=-1) for n in run.numbers.tolist()]
-    tangent = np.stack(rows)
-    found = {"against": tangent[..., 0] if some.ndim == 1 else tangent}
-    return of_tangent(
-        made, made.steps, found, system=plan.system, method=plan.method, h=made.h, t=made.t,
-        states=made.states,
+        made, made.steps, {name: tangent.reshape(len(tangent), n, *directions.shape[1:])}, system=plan.system,
+        method=plan.method, h=made.h, t=made.t, states=states,
     )  # fmt: skip
