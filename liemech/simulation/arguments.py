@@ -359,8 +359,7 @@ def cotangent(given: Any, name: str, shape: tuple[int, ...], kinds: str) -> np.n
     """
     what, array = f"cotangent[{name!r}]" if name else "cotangent", np.asarray(given)
     if array.shape != shape or array.dtype.kind not in kinds:
-        given_as = array.shape if array.shape != shape else f"{array.dtype}, no real numbers"
-        raise InvalidInput(f"Plan.pullback: {what} is {shape}, as the samples are; got {given_as}")
+        raise InvalidInput(f"Plan.pullback: {what} is {shape}, as the samples are; got {array.shape} of {array.dtype}")
     if not np.isfinite(array).all():
         raise InvalidInput(f"Plan.pullback: {what} must be finite; got {array}")
     return array
