@@ -164,7 +164,7 @@ def gradient_of(system: Any) -> Any:
     return lambda t, y: system.gradient(y)
 
 
-def logarithm(y: float) -> float:
+def logarithm(y: Any) -> float:
     """log(y/y_0) for the value y_0 of y: zero, but for derivatives that y carries; zero of y = 0."""
     if not isinstance(y, Dual):
         return 0.0
