@@ -9,6 +9,7 @@ import pytest
 from test_runs_by_sites import directions, native, spins
 
 import liemech as lm
+from liemech.rooms.sites.runs import run as run_of_sites
 
 N = 7
 SQUARES = ("squares", lambda t, site: site.mu[0] * site.mu[0])
@@ -35,6 +36,7 @@ def small_runs(monkeypatch: pytest.MonkeyPatch, numbers: int) -> None:
 def test_times_inside(monkeypatch: pytest.MonkeyPatch, method: Any, h: float) -> None:
     """The states that the system written out has, in plain Python and natively."""
     g = np.stack([np.eye(3)] * N)
+    monkeypatch.setattr(run_of_sites, "PATIENCE", 1e3)  # so that one call makes many steps
     times = np.copysign([0.0, 0.03, 0.28, 0.5, 0.61, 0.7], h)
     found = []
     for numbers, compiled in ((1000, False), (0, False), (0, None)):
