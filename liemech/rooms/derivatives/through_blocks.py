@@ -276,8 +276,8 @@ class PreparedGradient:
 
     def blocks_of(self, forward: Forward, work: int) -> Blocks:
         """The code for the blocks of a run.  work : steps of all blocks and directions."""
-        blocks = self.blocks or Blocks(forward.plan._steps, self.directions, forward.example)
         try:
+            blocks = self.blocks or Blocks(forward.plan._steps, self.directions, forward.example)
             of_run = blocks.of_a_run(forward.t0, work)
         except NotCompilable:
             if self.directions.side == 1:
