@@ -16,6 +16,7 @@ from ..formulas import Record
 from ..formulas.classes.frozen import frozen
 from ..formulas.classes.records import fields_of
 from ..integrators.ending_at_jumps import ending_at_jumps
+from ..systems.lie_poisson import with_sites
 from ..systems.many.site_state import StateOfSites
 from ..systems.system import State, System, small_state
 from .between.dense import DenseOutput, DenseOutputs, ShortSteps, flat
@@ -311,7 +312,7 @@ class Trajectory:
                     f"{'functions of the state only' if self.observed else 'no samples'}, "
                     "and has not come to its end"
                 )
-            return self.carry.state
+            return with_sites(self.system, self.carry.state, int(self.bodies is not None))
         return self._laws._reached(**{name: array[-1] for name, array in self.states.items()})
 
     def at(self, t: Any) -> Any:
@@ -322,7 +323,7 @@ class Trajectory:
         shorter step from the last sample.
         Of an ensemble all bodies at these times, (m, bodies, ...).
         """
-        return self._motion(t)
+        return with_sites(self.system, self._motion(t), np.ndim(t) + (self.bodies is not None))
 
     @cached_property
     def _motion(self) -> Any:
@@ -334,7 +335,10 @@ class Trajectory:
         system: Any = self.system
         complete = self.bodies is None and not self.observed and len(self.t) == self.steps + 1 > 1
         example = system._reached(**{name: x[0] for name, x in self.states.items()}) if complete else None
-        if isinstance(self.carry, SiteCarry) or (self.carry is None and isinstance(example, StateOfSites)):
+        of_sites = isinstance(example, StateOfSites) and all(
+            self.states[name].shape[1:] == x.shape for name, x in example.arrays.items()
+        )
+        if isinstance(self.carry, SiteCarry) or (self.carry is None and of_sites):
             if complete and self.rejected is None:
                 return self._runs_by_sites.between(self, type(example))
             example = None

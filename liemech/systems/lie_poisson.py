@@ -318,6 +318,18 @@ def in_a_row(system: System, state: State) -> State:
     return system._vouched(row) if system._knows(state) else row
 
 
+def with_sites(system: Any, state: State, axes: int) -> State:
+    """The inverse of `in_a_row`: on a power a state of sites, any other state as it is.
+
+    axes : count of the axes of times and members, behind which the numbers of all sites may be in a row.
+    """
+    group = getattr(system, "configurations", system.group)
+    if not isinstance(group, PowerGroup) or type(state) not in (BodyState, SiteState):
+        return state
+    parts = state.arrays
+    return SiteState(**{n: group.by_site(x, KINDS[n]) if x.ndim == axes + 1 else x for n, x in parts.items()})
+
+
 _written = Remembered()
 """For states of many sites the same in a row."""
 

@@ -31,7 +31,7 @@ from ...simulation.compiled.systems import Methods, OfBodies, Systems, each_of, 
 from ...simulation.runs.carry import Carry, SiteCarry
 from ...simulation.stopped import Stopped
 from ...systems.canonical import CanonicalState
-from ...systems.lie_poisson import BodyState
+from ...systems.lie_poisson import BodyState, with_sites
 from ...systems.system import State, System, small_state
 from ..fictive_time.arrival import FictiveMotion
 from ..fictive_time.origin import FictiveCarry, Origin
@@ -289,7 +289,7 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
     elif origin is None and "dense" in about:
         motion = about["dense"], about.get("dense.sites")
         dense = _dense_of(arrays["dense"], *motion, system, method, decode)
-    events = tuple([_event_of(i, arrays, about, bodies, decode) for i in range(len(about["events"]))])
+    events = tuple([_event_of(i, arrays, about, system, bodies, decode) for i in range(len(about["events"]))])
     ended = about.get("ended")
     numbers = ended if isinstance(ended, list) else [ended]
     if not all(number is None or (type(number) is int and 0 <= number < len(events)) for number in numbers):
@@ -305,7 +305,7 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
         origin.start if isinstance(origin, Origin) else None if origin is not None else getattr(carry, "state", None)
     )
     if first is not None:
-        _require_samples(decode.where, states, events, first, about.get("observed", ()), bodies)
+        _require_samples(decode.where, states, events, first, system, about.get("observed", ()), bodies)
     fields_of_kind: dict[str, Any] = {}
     if origin is not None:
         fields_of_kind = {"tau": arrays["tau"], "z": arrays.get("z"), "origin": origin}
@@ -425,7 +425,9 @@ def _dense_of(
     return DenseOutputs(tuple([motion_of(i, part) for i, part in enumerate(np.split(rows, ends[:-1]))]))
 
 
-def _event_of(i: int, arrays: dict[str, Any], about: dict[str, Any], bodies: int | None, decode: Decoder) -> Any:
+def _event_of(
+    i: int, arrays: dict[str, Any], about: dict[str, Any], system: Any, bodies: int | None, decode: Decoder
+) -> Any:
     """Times and states at which event i was met, or those of each body."""
     names, counts = about["events"][i]
     cls = decode(about["states"])
@@ -438,24 +440,24 @@ def _event_of(i: int, arrays: dict[str, Any], about: dict[str, Any], bodies: int
     for first, end in zip(ends - counts, ends, strict=True):
         parts = {name: arrays[f"event.{i}.{name}"][first:end] for name in names}
         times = arrays[f"event.{i}"][first:end]
-        zeros.append((times, cls(*(parts.get(f.name) for f in dataclasses.fields(cls)))))
+        zeros.append((times, with_sites(system, cls(*(parts.get(f.name) for f in dataclasses.fields(cls))), 1)))
     return zeros[0] if bodies is None else tuple(zeros)
 
 
 def _require_samples(
-    where: str, states: dict[str, np.ndarray], events: Any, like: State, observed: Any, bodies: int | None
+    where: str, states: dict[str, np.ndarray], events: Any, like: State, system: Any, observed: Any, bodies: int | None
 ) -> None:
     """Refuse samples, and states at events, that are of another shape than the state at which the run stands."""
     lead, zeros = 0 if bodies is None else 1, [x for event in events for x in ((event,) if bodies is None else event)]
-    for name, part in like.arrays.items():
-        samples = [states[name]] if name in states and name not in observed else []
-        arrays = [(len(x), x, part.shape) for x in samples]
-        arrays += [(t.size, at.arrays[name], part.shape[lead:]) for t, at in zeros if name in at.arrays]
-        for count, x, shape in arrays:
-            if count and (x.shape != (count, *shape) or x.dtype != part.dtype):
-                raise InvalidInput(
-                    f"{where}: {count} samples of {name} are {x.shape} of {x.dtype}; one is {shape} of {part.dtype}"
-                )
+    parts, parts_of_zeros = like.arrays, with_sites(system, like, lead).arrays
+    samples = [(len(x), x, n, parts[n], 0) for n, x in states.items() if n in parts and n not in observed]
+    samples += [(t.size, x, n, parts_of_zeros[n], lead) for t, at in zeros for n, x in at.arrays.items() if n in parts]
+    for count, x, name, part, axes in samples:
+        shape = part.shape[axes:]
+        if count and (x.shape != (count, *shape) or x.dtype != part.dtype):
+            raise InvalidInput(
+                f"{where}: {count} samples of {name} are {x.shape} of {x.dtype}; one is {shape} of {part.dtype}"
+            )
 
 
 def _require_numbers(where: str, value: Any, kinds: tuple[type, ...], bodies: int | None) -> None:

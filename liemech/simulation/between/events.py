@@ -12,6 +12,7 @@ import numpy as np
 from ...errors import InvalidType, warn
 from ...formulas.classes.layouts import NUMBER
 from ...formulas.numbers.sizes import EPSILON
+from ...systems.lie_poisson import with_sites
 from .dense import execution_of, natively, observe
 
 Event = Callable[[float, Any], float]
@@ -476,11 +477,11 @@ class Events:
         """Times and states of every event of a body, as a Trajectory holds them."""
         watch = self.each.get(body)
         zeros = [[] for _ in self.events] if watch is None else watch.found
-        width = self.run.wide
-        return tuple([
-            (np.array([t for t, _ in met]), self.run.view.states(np.array([x for _, x in met]).reshape(len(met), width)))
-            for met in zeros
-        ])  # fmt: skip
+        run, width = self.run, self.run.wide
+        system = run.plan._first_of("system")
+        states = [run.view.states(np.array([x for _, x in met]).reshape(len(met), width)) for met in zeros]
+        times = [np.array([t for t, _ in met]) for met in zeros]
+        return tuple([(t, with_sites(system, x, 1)) for t, x in zip(times, states)])
 
 
 def warn_of_jump(name: str, t: float, of: str = "") -> None:
