@@ -14,6 +14,7 @@ from ..errors import InconsistentState, InvalidInput, InvalidType, NoConvergence
 from ..formulas import Element, Vec, check_finite, dot, real_array, record, vec, vectors
 from ..formulas.calls.arguments import ordinary, whole
 from ..formulas.classes.records import with_fields
+from ..formulas.numbers.anything import indices_in, traced
 from ..formulas.vectors import small
 from ..groups.composed.product import ProductGroup
 from ..groups.lie_group import LieGroup
@@ -405,9 +406,14 @@ class Linkage(ConstrainedBody):
         return springs, others
 
     def _has_potential(self, force: JointForce) -> bool:
-        """Whether the energy of a force is part of that of the linkage, as it is not at joints in a given motion."""
+        """Whether the energy of a force is part of that of the linkage, as it is not at joints in a given motion, nor of a
+        force that looks about an angle that moves.
+        """
         joint = self.joints[number_of(self.joints, force.joint)]
-        return isinstance(force, JointPotential) and not isinstance(joint, MovedJoint)
+        if not isinstance(force, JointPotential) or isinstance(joint, MovedJoint):
+            return False
+        middle, why = traced(lambda t: force.about(t[0]), [1])
+        return not why and not indices_in(middle)
 
     def number(self, joint: str | int) -> int:
         """The number of a joint that is given by its name, or by its number."""

@@ -205,3 +205,32 @@ def test_a_rotation_vector_is_met_at_its_level_not_where_it_jumps(joint, rate):
     )  # fmt: skip
     angles = [float(np.arctan2(body.poses(g)[0, 0, 2], body.poses(g)[0, 0, 0])) for g in run.events[0][1].g]
     assert np.allclose(angles, [0.5] * 3, rtol=0.0, atol=1e-9)
+
+
+@record
+class Wound(lm.joints.JointPotential):
+    """A spring that counts the turns of what turns near w t."""
+
+    k: float
+    w: float
+
+    def energy(self, q: float) -> float:
+        return 0.5 * self.k * q * q
+
+    def about(self, t: float) -> float:
+        return self.w * t
+
+
+@pytest.mark.parametrize("in_memory", [False, True])
+@pytest.mark.parametrize("t0", [0.0, 6.0])
+def test_a_spring_looks_about_an_angle_that_moves(t0: float, in_memory: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """q'' = -(k/J) q with all turns of q, where the pose tells them but for whole ones."""
+    if in_memory:
+        monkeypatch.setattr(lm.System, "small", 0)
+    body = alone(RevoluteJoint(0, None, O, O, Z, Z, name="w"), forces=[Wound("w", 0.02, 1.5)])
+    start = body.state(angles={"w": 1.5 * t0 + 0.2}, rates={"w": 1.5}, t=t0)
+    run = lm.integrate(body, lm.LieRATTLE(), start, h=0.01, steps=100, t0=t0, compiled=False, progress=False)
+    s, pace = run.t - t0, np.sqrt(0.2)
+    exact = (1.5 * t0 + 0.2) * np.cos(pace * s) + 1.5 / pace * np.sin(pace * s)
+    seen = run.joint("w").angle
+    assert np.abs(np.sin(0.5 * (seen - exact))).max() < 1e-5
