@@ -61,10 +61,6 @@ class ShortPlaces:
         self.kept, self.taken = self.goal + GOAL.width, self.clock + TAKEN
         self.call = struct.Struct(f"{3 + words}q{len(self.constants)}s").pack
 
-    def of_lanes(self, lanes: Lanes, **own: Any) -> Any:
-        """A copy with the lanes of another system of the same layout."""
-        return like(self, lanes=lanes, stepping=lanes.stepping, constants=lanes.constants, **own)
-
     def where(self, memory: Any) -> tuple[Any, ...]:
         """Address and length of goal, numbers and clock, and the address of the memory."""
         place = address(memory)
@@ -92,7 +88,8 @@ class FixedPlaces(ShortPlaces):
     def of_system(self, shape: RunShape) -> Any:
         """A copy for another system of the same layout, whose shape is given."""
         lanes = shape.lanes[STRAIGHT, shape.side]
-        return self.of_lanes(lanes, shape=shape, beginning=shape._beginning)
+        code = {"lanes": lanes, "stepping": lanes.stepping, "constants": lanes.constants}
+        return like(self, shape=shape, beginning=shape._beginning, **code)
 
     def native(self, steps: int) -> Kernel | None:
         """The native code for so many steps at once, in milliseconds, that says what the formulas say now;
@@ -207,12 +204,17 @@ def advanced(way: Steps, carry: Carry, steps: int) -> Carry | None:
 class _FixedRun:
     """Times and states of a run with fixed steps, found when they are asked for: views of what the steps
     have written.
+
+    memory : of one body; of an ensemble all numbers but the samples, (height, columns), and these in `out`.
     """
 
-    __slots__ = ("every", "h", "last", "memory", "place", "reached", "step", "t0")
+    __slots__ = ("bodies", "every", "h", "last", "memory", "out", "place", "reached", "step", "t0")
 
-    def __init__(self, place: FixedPlaces, memory: Any, t0: float, h: Any, every: int, step: int, reached: int) -> None:
-        self.place, self.memory = place, memory
+    def __init__(
+        self, place: FixedPlaces, memory: Any, t0: float, h: Any, every: int, step: int, reached: int,
+        bodies: int | None = None, out: Any = None,
+    ) -> None:  # fmt: skip
+        self.place, self.memory, self.bodies, self.out = place, memory, bodies, out
         self.last: np.ndarray | None = None
         self.t0, self.h, self.every, self.step, self.reached = t0, h, every, step, reached
 
@@ -223,37 +225,28 @@ class _FixedRun:
         times += self.t0
         return times
 
+    @property
+    def rows(self) -> np.ndarray:
+        """Numbers of the samples, (n, width), of an ensemble (n, bodies, width): a view."""
+        if self.bodies is None:
+            samples: np.ndarray = self.memory[self.place.kept :].reshape(-1, self.place.sampled)
+            return samples
+        view: np.ndarray = self.out[:, :, : self.bodies].swapaxes(1, 2)
+        return view
+
     def states(self) -> dict[str, np.ndarray]:
         """The samples; as they may be written to, the last one is kept for the carry."""
-        place = self.place
-        self.last = self.memory[-place.sampled :].copy()
-        return unpacked(place.shape.shown, self.memory[place.kept :].reshape(-1, place.sampled))
+        rows = self.rows
+        self.last = rows[-1].T.copy()
+        return unpacked(self.place.shape.shown, rows)
 
     def carry(self) -> Carry:
         """The carry at the last sample."""
-        place = self.place
-        last = self.memory[-place.sampled :].copy() if self.last is None else self.last
-        return place.standing(self.memory, self.t0, last)
-
-
-class _FixedRunOfBodies(_FixedRun):
-    """Times and states of a short run of an ensemble.  memory : (height, columns) of all numbers."""
-
-    __slots__ = ("bodies", "out")
-
-    bodies: int
-    out: np.ndarray
-
-    def states(self) -> dict[str, np.ndarray]:
-        """The samples, views of what the steps have written."""
-        self.last = self.out[-1, :, : self.bodies].copy()
-        return unpacked(self.place.shape.shown, self.out[:, :, : self.bodies].swapaxes(1, 2))
-
-    def carry(self) -> Carry:
-        """The carry of all bodies at the last sample."""
-        last = self.out[-1, :, : self.bodies].copy() if self.last is None else self.last
-        numbers, clock, *_ = self.place.lanes.parts(self.memory[:, : self.bodies])
-        return Carry.made(self.place.shape, self.t0, numbers, clock, last, self.bodies)
+        place, last = self.place, self.rows[-1].T.copy() if self.last is None else self.last
+        if self.bodies is None:
+            return place.standing(self.memory, self.t0, last)
+        numbers, clock, *_ = place.lanes.parts(self.memory[:, : self.bodies])
+        return Carry.made(place.shape, self.t0, numbers, clock, last, self.bodies)
 
 
 def short_steps_of_many(way: Steps, shape: RunShape, start: State, steps: int, t0: float) -> Trajectory | None:
@@ -289,8 +282,7 @@ def short_steps_of_many(way: Steps, shape: RunShape, start: State, steps: int, t
     native.run(place.constants, (samples, way.every), rows, columns, 0, whole)
     if (table[place.taken, :whole] != steps).any():
         return None
-    promises = _FixedRunOfBodies(place, table, t0, way.h, way.every, 0, steps)
-    promises.bodies, promises.out = count, out
+    promises = _FixedRun(place, table, t0, way.h, way.every, 0, steps, count, out)
     run: Trajectory = of_short(promises, way, way.h, count, steps, {"breaks": way.breaks, "dense": None})
     return run
 
@@ -303,67 +295,79 @@ def _column(*numbers: float) -> np.ndarray:
 
 
 class AdaptivePlaces(ShortPlaces):
-    """Places of runs with adaptive steps of which every one is kept: rows of time, state and way."""
+    """Places of runs with adaptive steps: of every step a row of time, state and way is kept, behind that of the
+    start; or, if `sampled`, the states at given times, behind their count and the row of the last step.
+    """
 
-    def __init__(self, lanes: Lanes) -> None:
-        super().__init__(lanes, 6, lanes.state)
+    def __init__(self, lanes: Lanes, sampled: bool) -> None:
+        super().__init__(lanes, 9 if sampled else 6, lanes.state)
         self.row, width = lanes.row.width, lanes.state.width
         self.unknown, self.no_way = (0.0,) * (self.carried - width), (0.0,) * (self.row - 1 - width)
-        self.begun = struct.Struct(f"{self.kept + self.row}d").pack_into
-        self.turns = max(1, ROOM // self.row)
-        self.limit = max(1, TRIALS // self.carried**2)
-        self.free: list[Any] = []  # memory that no run needs any more
+        self.begun = struct.Struct(f"{self.kept + (0 if sampled else self.row)}d").pack_into
+        self.turns, self.limit = max(1, ROOM // self.row), max(1, TRIALS // self.carried**2)
+        self.free: list[Any] = []  # memory for rows of steps that no run needs any more
+        self.sampled, self.out = sampled, self.kept + (SAMPLES.width if sampled else self.row)
+        self.samples = self.out + self.row
+        if sampled:
+            call = sampled_steps, *lanes.arguments, 1, 1, *[COLUMNS] * 4, SHARED, COLUMNS, COLUMNS, None
+            self.stepping = Execution(None, lanes.stepping.progress, *call, silent=True)
 
-    def of_lanes(self, lanes: Lanes, **own: Any) -> Any:
+    def of_lanes(self, lanes: Lanes) -> Any:
         """A copy with the lanes of another system of the same layout, and free memory of its own."""
-        return super().of_lanes(lanes, free=[], **own)
+        stepping = self.stepping.of_system(lanes.arguments[1]) if self.sampled else lanes.stepping
+        return like(self, free=[], lanes=lanes, stepping=stepping, constants=lanes.constants)
 
     def native(self) -> Kernel | None:
-        """The native code that says what the formulas say now; None if there is none."""
-        return self.stepping.refresh()
+        """The native code that says what the formulas say now, made for samples if asked for often; or None."""
+        return self.stepping.used(self.lanes.stepping.native is not None) if self.sampled else self.stepping.refresh()
 
-    def room(self) -> Any:
-        """Memory, and the call that fills it."""
-        memory = np.empty(self.kept + (1 + self.turns) * self.row)
+    def room(self, times: np.ndarray | None, limit: int) -> Any:
+        """Memory, and the call that fills it with the rows of steps, or with samples at these times."""
+        count = 1 if times is None else len(times)
+        size = self.turns * self.row if times is None else count * self.lanes.state.width
+        memory = np.empty((self.out if times is None else self.samples) + size)
         *parts, place = self.where(memory)
-        rows = place + 8 * (self.kept + self.row), self.turns * self.row
-        buffers = *parts, rows
+        if times is None:
+            turns, buffers = self.turns, (*parts, (place + 8 * self.out, size))
+        else:
+            turns, samples = limit, ((address(times), count), (place + 8 * self.samples, size))
+            buffers = *parts, (place + 8 * self.out, self.row), *samples, (place + 8 * self.kept, SAMPLES.width)
         at = [begin for begin, _ in buffers]
-        return memory, self.call(1, 0, 1, self.turns, 1, *at, self.constants), buffers
+        return memory, self.call(1, 0, 1, turns, count, *at, self.constants), buffers
 
     def run(
-        self, native: Kernel, way: Any, start: Any, t0: float, t_end: float, limit: int
-    ) -> _AdaptiveRun | None:  # fmt: skip
+        self, native: Kernel, way: Any, start: Any, t0: float, t_end: float, limit: int, times: np.ndarray | None
+    ) -> _AdaptiveRun | None:
         """Run from a start to t_end in one native call; None if that did not come to its end."""
+        limit = min(limit, self.limit)
         try:
-            room = self.free.pop()
-        except IndexError:
-            room = self.room()
+            room = self.free.pop() if self.free else self.room(times, limit)
+        except IndexError:  # another thread has taken it
+            room = self.room(times, limit)
         memory, block, buffers = room
         numbers = self.gather(start)
-        goal = t_end, way.rtol, way.atol, way.longest, min(limit, self.limit), 0.0
         clock = t0, way.first(t0, t_end), *FRESH
-        first = t0, *numbers, *self.no_way
+        goal = t_end, way.rtol, way.atol, way.longest, limit, 0.0
+        first = (t0, *numbers, *self.no_way) if times is None else ()
         self.begun(memory, 0, *numbers, *self.unknown, *clock, *goal, *first)
         native.on_memory(block, buffers)
         end_clock = CLOCKS.unpack_from(memory, 8 * self.clock)
-        end = self.kept + self.row * (1 + int(end_clock[TAKEN]))
-        rows = _AdaptiveRun(self, way, end_clock, t_end, memory[:end].copy()) if end_clock[TIME] == t_end else None
-        self.free.append(room)
-        return rows
+        arrived = end_clock[TIME] == t_end and (times is None or memory.item(self.kept) == len(times))
+        if times is None:
+            memory = memory[: self.out + self.row * int(end_clock[TAKEN])].copy() if arrived else memory
+            self.free.append(room)
+        return _AdaptiveRun(self, way, end_clock, memory, times) if arrived else None
 
 
 class _AdaptiveRun:
-    """The memory that a run with adaptive steps has written.
-
-    memory : what is carried along, the clock, the goal, and a row for the start and the end of every step.
+    """The memory that a run with adaptive steps has written: what is carried along, the clock, the goal, and what is
+    kept.  times : of samples that were asked for.
     """
 
-    __slots__ = ("clock", "memory", "places", "t_end", "way")
+    __slots__ = ("clock", "memory", "places", "times", "way")
 
-    def __init__(self, places: Any, way: Any, clock: tuple[float, ...], t_end: float, memory: np.ndarray) -> None:
-        self.places, self.way, self.clock = places, way, clock
-        self.t_end, self.memory = t_end, memory
+    def __init__(self, places: Any, way: Any, clock: Any, memory: np.ndarray, times: np.ndarray | None) -> None:
+        self.places, self.way, self.clock, self.memory, self.times = places, way, clock, memory, times
 
     @property
     def rows(self) -> np.ndarray:
@@ -371,18 +375,20 @@ class _AdaptiveRun:
         return self.memory[self.places.kept :].reshape(-1, self.places.row)
 
     def t(self) -> np.ndarray:
-        """Times at the ends of the steps, (n,)."""
-        return self.rows[:, 0]
+        """Times of the samples as they were asked for, or of the ends of the steps, (n,)."""
+        return self.rows[:, 0] if self.times is None else self.times
 
     def states(self) -> dict[str, np.ndarray]:
-        """The samples, views of the rows."""
-        state = self.places.lanes.state
-        return unpacked(state, self.rows[:, 1 : 1 + state.width])
+        """The samples, views of what the steps have written."""
+        places, state = self.places, self.places.lanes.state
+        if self.times is None:
+            return unpacked(state, self.rows[:, 1 : 1 + state.width])
+        return unpacked(state, self.memory[places.samples :].reshape(len(self.times), -1))
 
     def dense(self) -> DenseOutput | None:
         """The dense output, if rows have the coefficients between the steps; else None."""
         steps, lanes = self.way, self.places.lanes
-        if not lanes.arguments[2].curves:
+        if self.times is not None or not lanes.arguments[2].curves:
             return None
         method = steps.method
         motion = self.rows, method.dense_order, steps.compiled
@@ -395,83 +401,6 @@ class _AdaptiveRun:
         carry = Carry.made(None, None, numbers, np.array(self.clock), last)
         vars(carry)["state"] = build(self.places.lanes.state, iter(last.tolist()))
         return carry
-
-
-class SampledPlaces(AdaptivePlaces):
-    """Places of runs with adaptive steps of which the states at given times are kept: behind their count and
-    the row of the last step.
-    """
-
-    def __init__(self, lanes: Lanes) -> None:
-        super().__init__(lanes)
-        self.begun = struct.Struct(f"{self.kept}d").pack_into
-        self.call = struct.Struct(f"12q{len(self.constants)}s").pack
-        self.out = self.kept + SAMPLES.width
-        self.samples = self.out + self.row
-        self.stepping = self._sampling(lanes)
-
-    @staticmethod
-    def _sampling(lanes: Lanes) -> Execution:
-        """The Execution of the driver `sampled_steps`."""
-        shared = SHARED, COLUMNS, COLUMNS
-        call = sampled_steps, *lanes.arguments, 1, 1, *[COLUMNS] * 4, *shared, None
-        return Execution(None, lanes.stepping.progress, *call, silent=True)
-
-    def of_lanes(self, lanes: Lanes, **own: Any) -> Any:
-        places = super().of_lanes(lanes, **own)
-        places.stepping = self.stepping.of_system(lanes.arguments[1])
-        return places
-
-    def native(self) -> Kernel | None:
-        """The native code that says what the formulas say now; it is made if asked for often."""
-        return self.stepping.used(self.lanes.stepping.native is not None)
-
-    def at(
-        self, native: Kernel, way: Any, start: Any, t0: float, t_end: float, limit: int, times: np.ndarray
-    ) -> _SampledRun | None:
-        """Run from a start to t_end in one native call; None if that did not come to its end."""
-        count, width = len(times), self.lanes.state.width
-        memory: Any = np.empty(self.samples + count * width)
-        numbers, limit = self.gather(start), min(limit, self.limit)
-        goal = t_end, way.rtol, way.atol, way.longest, limit, 0.0
-        clock = t0, way.first(t0, t_end), *FRESH
-        self.begun(memory, 0, *numbers, *self.unknown, *clock, *goal)
-        *parts, place = self.where(memory)
-        buffers = (
-            *parts,
-            (place + 8 * self.out, self.row),
-            (address(times), count),
-            (place + 8 * self.samples, count * width),
-            (place + 8 * self.kept, SAMPLES.width),
-        )
-        at = [begin for begin, _ in buffers]
-        native.on_memory(self.call(1, 0, 1, limit, count, *at, self.constants), buffers)
-        end_clock = CLOCKS.unpack_from(memory, 8 * self.clock)
-        if end_clock[TIME] != t_end or memory.item(self.kept) != count:
-            return None
-        samples = _SampledRun(self, way, end_clock, t_end, memory)
-        samples.times = times
-        return samples
-
-
-class _SampledRun(_AdaptiveRun):
-    """The memory that a run with adaptive steps has written, of states at given times."""
-
-    __slots__ = ("times",)
-
-    times: np.ndarray
-
-    def t(self) -> np.ndarray:
-        """Times of the samples, as they were asked for."""
-        return self.times
-
-    def states(self) -> dict[str, np.ndarray]:
-        """The samples, views of what the steps have written."""
-        rows = self.memory[self.places.samples :].reshape(len(self.times), -1)
-        return unpacked(self.places.lanes.state, rows)
-
-    def dense(self) -> None:
-        """None: only the samples were kept."""
 
 
 def short(
@@ -491,12 +420,11 @@ def short(
         lanes = way.shapes.get((layout, curves, False))
         if lanes is None:
             return None
-        places = way.shapes[key] = (AdaptivePlaces if times is None else SampledPlaces)(lanes)
+        places = way.shapes[key] = AdaptivePlaces(lanes, times is not None)
     native = places.native()
     if native is None:
         return None
-    call = native, way, start, t0, t_end, limit
-    promises = places.run(*call) if times is None else places.at(*call, times)
+    promises = places.run(native, way, start, t0, t_end, limit, times)
     if promises is None:
         return None
     t, _, _, steps, rejected, _, _ = promises.clock
