@@ -23,17 +23,19 @@ def reproduce(arguments: Sequence[str]) -> int:
     parser.add_argument("names", nargs="*", metavar="NAME", help="of a result, or all")
     parser.add_argument("--full", action="store_true", help="with the rows that take minutes")
     options = parser.parse_args(arguments)
+    try:
+        titles = {name: title_of(name) for name in (RESULTS if options.names in ([], ["all"]) else options.names)}
+    except InvalidInput as wrong:
+        parser.error(str(wrong))
     if not options.names:
         width = max(map(len, RESULTS)) + 2
-        print("\n".join(f"{name:<{width}}{title_of(name)}" for name in RESULTS))
+        print("\n".join(f"{name:<{width}}{title}" for name, title in titles.items()))
         return 0
     hold = []
-    for name in RESULTS if options.names == ["all"] else options.names:
-        try:
-            result = reproduced(name, options.full)
-        except InvalidInput as wrong:
-            parser.error(str(wrong))
-        print(result, end="\n\n", flush=True)
+    for name, title in titles.items():
+        print(f"{name}: {title}", flush=True)
+        result = reproduced(name, options.full)
+        print(result, end="\n\n")
         hold.append(result.holds)
     if len(hold) > 1:
         print(f"{sum(hold)} of {len(hold)} reproduced", file=sys.stderr)

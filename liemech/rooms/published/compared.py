@@ -32,10 +32,8 @@ class Compared(NamedTuple):
 
 
 class Reproduced(NamedTuple):
-    """A result: its name, title and source, the rows, and the seconds they took."""
+    """A result: its source, the rows, and the seconds they took."""
 
-    name: str
-    title: str
     source: str
     rows: tuple[Compared, ...]
     seconds: float
@@ -47,8 +45,7 @@ class Reproduced(NamedTuple):
 
     def __str__(self) -> str:
         width = max(len(row.quantity) for row in self.rows)
-        lines = [f"{self.name}: {self.title}", f"Source: {self.source}", ""]
-        lines.append(f"  {'':<{width}}  {'published':>18}  {'ours':>18}")
+        lines = [f"Source: {self.source}", "", f"  {'':<{width}}  {'published':>18}  {'ours':>18}"]
         for row in self.rows:
             sign = "" if row.holds else "   NOT REPRODUCED"
             limit = "at most " if row.within is None else ""
@@ -74,4 +71,4 @@ def reproduced(name: str, full: bool = False) -> Reproduced:
     """A published result, computed now.  full : with the rows that take minutes."""
     file, started = file_of(name), time.perf_counter()
     rows: Iterable[Compared] = file.compared(full)
-    return Reproduced(name, title_of(name), file.SOURCE, tuple(rows), time.perf_counter() - started)
+    return Reproduced(file.SOURCE, tuple(rows), time.perf_counter() - started)

@@ -48,8 +48,8 @@ def compared(full: bool) -> Iterator[Compared]:
         crank = run.joint("crank 0")
         q, rate = crank.angle[-1], crank.rate[-1]
         computed = np.sin(q), np.cos(q), rate * np.cos(q), -rate * np.sin(q)
-        for name, value, number in zip(("x", "y", "x'", "y'"), published, computed):
-            yield Compared(f"B0 of {loops} four-bars, {name}, SI units", value, number, 1e-8)
+        for name, value, number in zip(("x, m", "y, m", "x', m/s", "y', m/s"), published, computed):
+            yield Compared(f"B0 of {loops} four-bars, {name}", value, number, 1e-8)
     linkage, poses = four_bars(2)
     start = linkage.state(rates={"crank 0": 1.0}, near=poses)
     for h, largest in ((0.01, 0.1140507007), (1e-3, 1.143193966e-3), (5e-4, 2.858041366e-4))[: 3 if full else 1]:
