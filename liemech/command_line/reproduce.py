@@ -27,16 +27,13 @@ def reproduce(arguments: Sequence[str]) -> int:
         titles = {name: title_of(name) for name in (RESULTS if options.names in ([], ["all"]) else options.names)}
     except InvalidInput as wrong:
         parser.error(str(wrong))
-    if not options.names:
-        width = max(map(len, RESULTS)) + 2
-        print("\n".join(f"{name:<{width}}{title}" for name, title in titles.items()))
-        return 0
     hold = []
     for name, title in titles.items():
-        print(f"{name}: {title}", flush=True)
-        result = reproduced(name, options.full)
-        print(result, end="\n\n")
-        hold.append(result.holds)
+        print(f"{name + ':':<14}{title}", flush=True)
+        if options.names:
+            result = reproduced(name, options.full)
+            print(result, end="\n\n")
+            hold.append(result.holds)
     if len(hold) > 1:
         print(f"{sum(hold)} of {len(hold)} reproduced", file=sys.stderr)
     return 0 if all(hold) else 1
