@@ -159,8 +159,8 @@ class EndingAtJumps(Wrapping):
     def _begun(self, system: Any, memory: Any, anew: bool, h: float) -> Any:
         """The memory, or if the method begins anew one of steps of length h."""
         if anew:
-            anew = self.method.start(system, self.method.observe(memory), h)
-            memory = fitted(anew, layout_of(memory))  # numbers that carry a derivative go on with it
+            first = self.method.start(system, self.method.observe(memory), h)
+            memory = fitted(first, layout_of(memory))  # numbers that carry a derivative go on with it
         return memory
 
     def next_end(self, system: Any, t: float, end: float) -> float:

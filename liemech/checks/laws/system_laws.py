@@ -455,14 +455,11 @@ def laws_of(system: Any) -> Iterator[tuple[list[Law], Any, Callable[[str], bool]
     if isinstance(field, MechanicalSystem):
         tables.append((FIELD, field, (field.potential,), partial(replaced, field.potential, Potential)))
     if isinstance(system, CanonicalSystem):
-        kinds = SeparableSystem, SeparableConstrainedSystem, ConstrainedSystem, HamiltonianSystem
-        base = next(kind for kind in kinds if isinstance(system, kind))
+        bases = SeparableSystem, SeparableConstrainedSystem, ConstrainedSystem, HamiltonianSystem
+        base = next(kind for kind in bases if isinstance(system, kind))
         tables.append((CANONICAL, system, (system,), partial(replaced, system, base)))
-    by_themselves: tuple[Any, ...] = (
-        *((CotangentSystem, COTANGENT), (DrivenCotangentSystem, DRIVEN_COTANGENT)),
-        *((ConstrainedSystem, CONSTRAINED), (DrivenHamiltonianSystem, DRIVEN)),
-    )
-    for kind, table in by_themselves:
+    kinds: tuple[type, ...] = CotangentSystem, DrivenCotangentSystem, ConstrainedSystem, DrivenHamiltonianSystem
+    for kind, table in zip(kinds, (COTANGENT, DRIVEN_COTANGENT, CONSTRAINED, DRIVEN)):
         if isinstance(system, kind):
             tables.append((table, system, (system,), partial(replaced, system, kind)))
     for kind, table in (DrivenLiePoissonSystem, DRIVEN_BODY), (DrivenPoissonSystem, DRIVEN_POINT):

@@ -125,17 +125,17 @@ class ParameterDirections:
         by_method = np.pad(slopes[: len(methods), :, of_method], ((0, 0), (0, 0), (0, more)))
         self.methods = Varied(wrapped, by_method, (), side)
 
-    def by(self, name: str, found: np.ndarray, of_tables: list[np.ndarray]) -> np.ndarray:
+    def by(self, name: str, slopes: np.ndarray, of_tables: list[np.ndarray]) -> np.ndarray:
         """The derivative by a parameter: of each body, or the sum where it is the only one of all.
 
-        found : (bodies, count), by the directions.  of_tables : by the intervals of each table.
+        slopes : (bodies, count), by the directions.  of_tables : by the intervals of each table.
         """
         if name in self.tables.by_name:
             table, values = self.tables.by_name[name]
             by_table = table.by(of_tables[self.tables.each.index(table)], values)
             return by_table if self.of_each["system"] else by_table[0]
         full, of_method = self.full[name], name == "h" or name.startswith("method.")
-        by_body = found[:, self.of_first.columns[full]].reshape(-1, *self.of_first.shapes[full])
+        by_body = slopes[:, self.of_first.columns[full]].reshape(-1, *self.of_first.shapes[full])
         return by_body if self.of_each["method" if of_method else "system"] else by_body.sum(axis=0)
 
 
@@ -184,8 +184,7 @@ def block_length(steps: int, lanes: int, directions: ParameterDirections, every:
 
 def divisor(number: int, limit: int) -> int:
     """The largest divisor of a number up to a limit."""
-    found = [d for k in range(1, math.isqrt(number) + 1) if number % k == 0 for d in (k, number // k)]
-    return max(d for d in found if d <= limit)
+    return max(d for k in range(1, math.isqrt(number) + 1) if number % k == 0 for d in (k, number // k) if d <= limit)
 
 
 class MetIntervals:
@@ -402,16 +401,9 @@ class Backward:
             along = (none if parameter is None else parameter)[some]
             systems, methods = directions.systems.columns(i, along), directions.methods.columns(i, along)
             for n, each in enumerate(directions.tables.each):
-                component, interval = (table[1][some], table[2][some]) if table[0] == n else (none[some], none[some, 0])
-                each.write(
-                    directions.systems,
-                    systems,
-                    component,
-                    interval,
-                    self.met[n].counting(k, i),
-                    i,
-                    directions.of_things[n],
-                )
+                varied = (table[1][some], table[2][some]) if table[0] == n else (none[some], none[some, 0])
+                counting, of_bodies = self.met[n].counting(k, i), directions.of_things[n]
+                each.write(directions.systems, systems, *varied, counting, i, of_bodies)
             first, last = forward.edges[k].astype(float), forward.edges[k + 1].astype(float)
             ends = self.blocks.run(starts.reshape(-1, len(values)), i, first, last, systems, methods, done)
             ends = ends.reshape(starts.shape)
