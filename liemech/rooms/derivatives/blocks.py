@@ -35,13 +35,12 @@ SAME = 2.0**-24
 """Part of the largest number by which steps, begun anew in the middle, may end beside the run."""
 
 
-def require_same(method: Any, found: np.ndarray, wanted: np.ndarray) -> None:
+def require_same(method: Any, ends: np.ndarray, of_run: np.ndarray) -> None:
     """Refuse methods whose steps depend on more than the state and the time.
 
-    found, wanted : the numbers of states at the end of steps that were begun anew, and of the run.
+    ends, of_run : the numbers of states at the end of steps that were begun anew, and of the run.
     """
-    size = np.abs(wanted).max()
-    off = np.abs(found - wanted).max()
+    size, off = np.abs(of_run).max(), np.abs(ends - of_run).max()
     if not off <= SAME * size:
         raise IncompatibleSystem(
             f"Plan.gradient: {method!r} keeps in memory what does not follow from the state: begun anew in the middle it "

@@ -48,17 +48,15 @@ class Directions:
             )
         system = tables.in_system(system)
 
-        def made(
+        def motion(
             system: Any = system, method: Any = method, start: Any = start, of_steps: Any = None
-        ) -> tuple[Any, Any, Any]:
-            whole, first = begins(system, method, start) if begins else (system, start)
-            if of_steps is None:
-                of_steps = dressed(method) if dressed else method
-            return of_steps, whole, first
+        ) -> tuple[Any, ...]:
+            with_clock, first = begins(system, method, start) if begins else (system, start)
+            return of_steps or (dressed(method) if dressed else method), with_clock, first
 
-        self.method, self.system, self.first = made()
+        self.method, self.system, self.first = motion()
         tables.find(self.system)
-        layout = layout_of(made())
+        layout = layout_of(motion())
         ends = np.cumsum([part.width for part in layout.parts]).tolist()
         self.places = [slice(begin, end) for begin, end in zip([0, *ends], ends)]
         self.columns: dict[str, slice] = {}
@@ -78,7 +76,7 @@ class Directions:
                 moves = parameter_moves(thing, path)
                 shape = shape_of(layout_of(parameter(thing, path)))
                 self.shapes[name] = (len(moves),) if shape is None else shape
-            return [(lambda x, to=to: made(**{kind: to(x)}), step) for to, step in moves]
+            return [(lambda x, to=to: motion(**{kind: to(x)}), step) for to, step in moves]
 
         for name in names:
             begin = len(rows)
@@ -158,10 +156,10 @@ def slope(function: Any, step: float, layout: Layout, name: str) -> np.ndarray:
     """
 
     def numbers(x: float) -> np.ndarray:
-        made = function(x)
-        if layout_of(made) != layout:
+        point = function(x)
+        if layout_of(point) != layout:
             raise InvalidInput(f"Plan.tangent: with another {name} the run is one of another kind")
-        return np.array(leaves(made, layout))
+        return np.array(leaves(point, layout))
 
     return slope_of(numbers, step)
 

@@ -170,16 +170,17 @@ def of_each_body(
                 f"Plan.{what}: cotangent{[name] if name else ''} has a leading axis of {many} bodies; "
                 f"got shape {np.shape(x)}"
             )
-    found = []
+    gradients = []
     for i, end in enumerate(arguments.ends(t_end, many)):
         parts: Any = {n: x if x is None else np.asarray(x)[i] for n, x in rows.items()}
         asked = *(x if x is None else x.of(i) for x in losses), parts if isinstance(cotangent, dict) else parts[""]
-        found.append(adaptive_gradient_of(plan._of_body(i), member(start, i), steps, end, t0, names, every, *asked))
+        of_body = plan._of_body(i), member(start, i)
+        gradients.append(adaptive_gradient_of(*of_body, steps, end, t0, names, every, *asked))
     gradient = {}
     for name in names:
-        each = np.stack([one[name] for one in found])
+        each = np.stack([one[name] for one in gradients])
         of_each = ("method" if name.startswith("method.") else "system") in plan.of_each
         gradient[name] = each if name == "start" or of_each else each.sum(axis=0)
-    value = None if cotangent is not None else math.fsum(one.value for one in found)
-    run = of_some([one.run for one in found], system=plan.system, method=plan.method)
-    return Gradient(value, gradient, run, max(one.growth or 0.0 for one in found))
+    value = None if cotangent is not None else math.fsum(one.value for one in gradients)
+    run = of_some([one.run for one in gradients], system=plan.system, method=plan.method)
+    return Gradient(value, gradient, run, max(one.growth or 0.0 for one in gradients))

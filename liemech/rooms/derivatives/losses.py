@@ -47,17 +47,17 @@ class Objective:
 
     def by_losses(self, loss: Any, along: Any, compiled: Any) -> None:
         """Set it to a loss, a function of the end, and the sum of a running cost over the samples."""
-        states, values = self.states, []
+        states, sums = self.states, []
         for given, name, where in ((loss, "loss", self.end), (along, "along", self.samples)):
             if name == "along" and given is None:
                 continue
             function = Loss(given, name, self.run.bodies if self.by_site is None else None)
             for some in self._pieces(where):
                 of_some = self.run.t[some], states.numbers[some], states.basis(some)
-                found, slopes = function.slopes(self.example, *of_some, compiled)
-                values.append(float(found.sum()))
+                values, slopes = function.slopes(self.example, *of_some, compiled)
+                sums.append(float(values.sum()))
                 self.by_states[some] += slopes
-        self.value = math.fsum(values)
+        self.value = math.fsum(sums)
 
     def by_cotangent(self, given: Any) -> None:
         """Set its derivatives by the samples to a cotangent: of each part of the state an array of its shape, by name, or
@@ -77,11 +77,11 @@ class Objective:
         arguments.known_parts(given, self.run.states)
         parts = {}
         for name, x in self.run.states.items():
-            wanted, shown = (*ahead, *x.shape[1:]), self.run._by_site(name, x)
-            own = np.asarray(given.get(name, np.zeros(wanted)))
-            if shown is not x and own.shape == (*ahead, *shown.shape[1:]):
-                own = flat({name: np.asarray(own, shown.dtype)}, own.shape[0]).reshape(wanted)
-            array = arguments.cotangent(own, name, wanted, "fiuc" if np.iscomplexobj(x) else "fiu")
+            shape, shown = (*ahead, *x.shape[1:]), self.run._by_site(name, x)
+            part = np.asarray(given.get(name, np.zeros(shape)))
+            if shown is not x and part.shape == (*ahead, *shown.shape[1:]):
+                part = flat({name: np.asarray(part, shown.dtype)}, part.shape[0]).reshape(shape)
+            array = arguments.cotangent(part, name, shape, "fiuc" if np.iscomplexobj(x) else "fiu")
             parts[name] = array.astype(x.dtype).reshape(len(some), *x.shape[1:])
         parts = self.by_site(parts) if self.by_site else parts
         shapes = {name: (len(some), states.many, *x.shape[2:]) for name, x in states.arrays.items()}
@@ -115,13 +115,13 @@ class Loss:
                     f"Plan.gradient: {name} is a function of the state, such as "
                     f"lambda state: lm.dot(state.mu, state.mu), or a list of one for each body; got {function!r}"
                 )
-        wanted = arguments_of(self.functions[0])
-        if len(wanted) not in (1, 2):
+        count = len(arguments_of(self.functions[0]))
+        if count not in (1, 2):
             raise InvalidType(
                 f"Plan.gradient: {self.name} is a function of the state, or of time and state; "
-                f"{self.functions[0]!r} takes {len(wanted)} arguments"
+                f"{self.functions[0]!r} takes {count} arguments"
             )
-        self.timed = len(wanted) == 2
+        self.timed = count == 2
 
     def of(self, body: int) -> Any:
         """The function of one body."""
@@ -142,25 +142,20 @@ class Loss:
         point = layout_of(dual_of(example))
         self._checked(example, t.item(0))
         duals = np.empty((n, bodies, count, 2))
-        alike = self.each and all(
-            isinstance(f, Record) and layout_of(f) == layout_of(self.functions[0]) for f in self.functions
-        )
+        first = self.functions[0]
+        one_form = self.each and all(isinstance(f, Record) and layout_of(f) == layout_of(first) for f in self.functions)
         driver = sloping_in_time if self.timed else sloping
         what = f"Plan.gradient: {self.name}", lambda k: "at a sample"
-        if alike:
-            several = Several.of(self.functions, bodies)
-            body = np.tile(np.repeat(np.arange(bodies), count), n)
-            flat = evaluated(
-                driver, (several, point), rows.reshape(-1, rows.shape[-1]), 2,
-                compiled, what, body,
-            )  # fmt: skip
-            duals[:] = flat.reshape(duals.shape)
+        if one_form:
+            several, body = Several.of(self.functions, bodies), np.tile(np.repeat(np.arange(bodies), count), n)
+            pairs = evaluated(driver, (several, point), rows.reshape(-1, rows.shape[-1]), 2, compiled, what, body)
+            duals[:] = pairs.reshape(duals.shape)
         else:
             for i in range(len(self.functions)):
                 of_body = slice(i, i + 1) if self.each else slice(None)
                 numbers_of_body = rows[:, of_body].reshape(-1, rows.shape[-1])
-                flat = evaluated(driver, (self.functions[i], point), numbers_of_body, 2, compiled, what)
-                duals[:, of_body] = flat.reshape(duals[:, of_body].shape)
+                pairs = evaluated(driver, (self.functions[i], point), numbers_of_body, 2, compiled, what)
+                duals[:, of_body] = pairs.reshape(duals[:, of_body].shape)
         return duals[:, :, 0, 0], duals[..., 1]
 
     def _checked(self, example: Any, t: float) -> None:

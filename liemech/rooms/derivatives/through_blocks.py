@@ -194,13 +194,13 @@ class MetIntervals:
     """
 
     def __init__(self, forward: Forward, tables: list[PiecewisePolynomial]) -> None:
-        way = forward.plan._steps
+        plan_steps = forward.plan._steps
         self.intervals = int(tables[0].intervals)
-        found = []
+        of_bodies = []
         for i in range(forward.bodies):
-            own = tables[min(i, len(tables) - 1)]
-            found.append(self._met(forward, own, i, overshoot(way.method_of(i))))
-        self.first, self.count = (np.stack(x, axis=1) for x in zip(*found, strict=True))
+            table = tables[min(i, len(tables) - 1)]
+            of_bodies.append(self._met(forward, table, i, overshoot(plan_steps.method_of(i))))
+        self.first, self.count = (np.stack(x, axis=1) for x in zip(*of_bodies, strict=True))
 
     def _met(self, forward: Forward, table: Any, body: int, beyond: float) -> Any:
         """Those of one body, as its steps see them from inside."""

@@ -111,20 +111,20 @@ class VariedInput:
             return
         columns[rows["where_moved"]] -= part[0]
         for i, table in enumerate(tables):
-            mine = slice(None) if len(tables) == 1 else np.flatnonzero(body == i)
-            first, last = part[:, mine]
+            columns_of_table = slice(None) if len(tables) == 1 else np.flatnonzero(body == i)
+            first, last = part[:, columns_of_table]
             knots, jumps = np.asarray(table.knots), np.asarray(table.jumps)[: int(table.jumping)]
             before = np.searchsorted(jumps, knots[first], "left")
-            many = np.searchsorted(jumps, knots[last + 1], "right") - before
+            jumping = np.searchsorted(jumps, knots[last + 1], "right") - before
             places = {
                 "knots": table.knots.place + first,
                 "coefficients": table.coefficients.place + first * self.width,
-                "jumps": table.jumps.place + np.where(many > 0, before, 0),
-                "jumping": many, "intervals": last - first + 1, "last": last - first + 1,
+                "jumps": table.jumps.place + np.where(jumping > 0, before, 0),
+                "jumping": jumping, "intervals": last - first + 1, "last": last - first + 1,
                 "at_begin": first == 0, "at_end": last == int(table.intervals) - 1,
             }  # fmt: skip
             for name, numbers in places.items():
-                columns[rows[name][0], mine] = numbers
+                columns[rows[name][0], columns_of_table] = numbers
 
 
 class Tables:

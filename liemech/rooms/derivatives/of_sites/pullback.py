@@ -71,32 +71,34 @@ def gradient_by_sites(
     else:
         objective.by_losses(loss, along, plan.options.compiled)
     rows = states.frames.in_a_row(objective.by_states[objective.samples])
-    given = {numbers[k]: row for k, row in zip(objective.samples.tolist(), rows)}
+    cotangents = {numbers[k]: row for k, row in zip(objective.samples.tolist(), rows)}
     if back is None:
-        by = {"start": _by_directions(plan, adaptive, start, asked, given)}
+        by = {"start": _by_directions(plan, adaptive, start, asked, cotangents)}
     else:
-        found, by = back.back(given)
-        by["start"] = found
-    sizes = [float(np.linalg.norm(w)) for w in given.values()]
+        by_start, by = back.back(cotangents)
+        by["start"] = by_start
+    sizes = [float(np.linalg.norm(w)) for w in cotangents.values()]
     growth = float(np.linalg.norm(by["start"])) / sizes[0] if len(sizes) == 1 and sizes[0] else None
     return objective.value, {name: by[name] for name in names}, run, growth
 
 
-def _by_directions(plan: Any, adaptive: Any, start: Any, asked: dict[str, Any], felt: dict[int, Any]) -> np.ndarray:
+def _by_directions(
+    plan: Any, adaptive: Any, start: Any, asked: dict[str, Any], cotangents: dict[int, Any]
+) -> np.ndarray:
     """The sum of J^T w, for which every direction of the start makes a run.
 
     plan : of fixed steps.  adaptive : the plan whose run they repeat, if there is one; asked : of that run.
     """
-    if adaptive is not None and len(felt) > 1:
+    if adaptive is not None and len(cotangents) > 1:
         raise IncompatibleSystem(
             f"Plan.gradient: of adaptive steps of {plan.method!r} the derivative is that of the end alone"
         )
-    found: Any = 0.0
-    for n, w in felt.items():
-        known = plan.replace(every=max(1, n)) if adaptive is None else adaptive
+    by_start: Any = 0.0
+    for n, w in cotangents.items():
+        shown = plan.replace(every=max(1, n)) if adaptive is None else adaptive
         length = {"steps": n, "t0": asked["t0"]} if adaptive is None else asked
-        found = found + known.tangent(start, **length, against=w).tangent["against"][-1]
-    return np.asarray(found)
+        by_start = by_start + shown.tangent(start, **length, against=w).tangent["against"][-1]
+    return np.asarray(by_start)
 
 
 def goes_by_sites(plan: Any, start: Any, names: tuple[str, ...], *functions: Any) -> bool:
@@ -106,10 +108,10 @@ def goes_by_sites(plan: Any, start: Any, names: tuple[str, ...], *functions: Any
         return False
     if sites.takes(start) or any(map(of_site, functions)):
         return True
-    known = [name for name in names if name not in ("start", "h") and "method." not in name]
-    if any(terms_of_sites(plan._one, name) for name in known):
+    of_system = [name for name in names if name not in ("start", "h") and "method." not in name]
+    if any(terms_of_sites(plan._one, name) for name in of_system):
         return True
-    full = [full_name(plan._one, name, "Plan.gradient") for name in known]
+    full = [full_name(plan._one, name, "Plan.gradient") for name in of_system]
     return any(isinstance(parameter(plan._one, name), Each) for name in full)
 
 
