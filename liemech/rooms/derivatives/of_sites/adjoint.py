@@ -88,18 +88,18 @@ class BackwardRun:
         self.frames = Frames(sites.site, self.first)
         self.dims = self.frames.sizes
         self.lists = Lists.of(plan._one, sites.site)
-        wanted = [Parameter(plan._one, name) for name in names]
+        parameters = [Parameter(plan._one, name) for name in names]
         self.cut = None if uncut(way) is way else way
-        if wanted and self.cut is not None and inputs(plan._one):
+        if parameters and self.cut is not None and inputs(plan._one):
             raise IncompatibleSystem(
                 "Plan.gradient: there are no derivatives by parameters of many sites where an input is a table; "
                 "there is one by the start"
             )
-        self._made_of(inner_method(plan), sites.site, bool(wanted))
+        self._set_motions(inner_method(plan), sites.site, bool(parameters))
         self.count = len(self.order)
         self.rows = site_rows(start)[:, self.order]
-        self._room(steps, bool(wanted))
-        self.parts = self._parts(wanted)
+        self._make_room(steps, bool(parameters))
+        self.parts = self._parts(parameters)
         key = "backward", layout_of(self.way)
         if key not in sites.known:
             sites.known[key] = self._executions()
@@ -110,15 +110,15 @@ class BackwardRun:
     def _require_anew(self, sites: Any) -> None:
         """Refuse methods that come elsewhere if the second step begins anew."""
         run = sites.kind(with_samples(self.plan, 2), sites.site, self.start, self.t0, 2, None, None, None).trajectory()
-        self.given, self.last = dict[int, np.ndarray](), 2
-        anew = unpacked(self.way.state, self._advance(self.rows, 0, -(-2 // self.block)).T)
-        for name, wanted in self.plan._one.by_site({name: x[-1] for name, x in run.states.items()}).items():
-            require_same(self.plan.method, anew[name][self.places], wanted)
+        self.cotangents, self.last = dict[int, np.ndarray](), 2
+        ends = unpacked(self.way.state, self._advance(self.rows, 0, -(-2 // self.block)).T)
+        for name, of_run in self.plan._one.by_site({name: x[-1] for name, x in run.states.items()}).items():
+            require_same(self.plan.method, ends[name][self.places], of_run)
 
     # ---------------------------------------------------------------- what it is made of
 
-    def _made_of(self, method: Any, site: Any, kept: bool) -> None:
-        """The motions of a step, and its parts: which motion, when it begins, how long it is, as shares;
+    def _set_motions(self, method: Any, site: Any, kept: bool) -> None:
+        """Find the motions of a step, and its parts: which motion, when it begins, how long it is, as shares;
         and where the sites are that turn.
         """
         self.order = self.places = np.arange(self.sites)
@@ -136,8 +136,8 @@ class BackwardRun:
             motions: Any = tuple([FieldTurn(x) if in_place else BondTurn(x) for x in forms])
             rows = [(numbers[k][0], at, share, *numbers[k][1:]) for k, share, at in method.turns(turning)]
         else:
-            motions, some = parts_of(method, site)
-            rows = [(*row, 0, 0) for row in some]
+            motions, shares = parts_of(method, site)
+            rows = [(*row, 0, 0) for row in shares]
         # kind, t, h, begin, end
         self.of_step = np.array(rows, dtype=float)
         first, last = self.of_step[0], self.of_step[-1]
@@ -171,41 +171,41 @@ class BackwardRun:
     def _with_slopes(self, site: Any) -> Any:
         """The system at one site, whose load knows its derivatives."""
         loads = records_in(site, ForceOfSite)
-        new = [with_fields(x, backwards=self.plan._one.load.slopes_of_site()) for x in loads]
-        return with_records(site, ForceOfSite, new) if loads else site
+        with_slopes = [with_fields(x, backwards=self.plan._one.load.slopes_of_site()) for x in loads]
+        return with_records(site, ForceOfSite, with_slopes) if loads else site
 
     @property
     def _places_asked(self) -> list[tuple[str, Any]]:
         """Of energies of momenta and of potentials the part of the state that they are asked with."""
         parts = self.first.parts
-        found = [next((n for n in names if n in self.dims), "") for names in (("mu",), ("g", "q"))]
-        return [(name, parts.get(name)) for name in found]
+        names = [next((n for n in either if n in self.dims), "") for either in (("mu",), ("g", "q"))]
+        return [(name, parts.get(name)) for name in names]
 
     @property
     def components(self) -> int:
         """How many components all sites have together."""
         return self.sites * self.frames.count
 
-    def _room(self, steps: int, kept: bool) -> None:
-        """Memory: for states of a block of steps, and for what some parts of them ask."""
+    def _make_room(self, steps: int, kept: bool) -> None:
+        """Make memory: for states of a block of steps, and for what some parts of them ask."""
         way, places = self.way, padded(self.count)
         parts = len(self.of_step)
-        one = way.state.width * places
-        self.kept = max(LEAST, ROOM // one)
-        block = max(NEAR // (one * parts), -(-steps // self.kept))
-        self.block = max(1, min(steps, block, ROOM // (one * parts)))
+        size = way.state.width * places
+        self.kept = max(LEAST, ROOM // size)
+        block = max(NEAR // (size * parts), -(-steps // self.kept))
+        self.block = max(1, min(steps, block, ROOM // (size * parts)))
         if self.lists is not None:
             self.block = 1
         blocks = range(0, steps, self.block) if self.cut is not None else ()
         most_parts = max(
             [self.block, *[len(self._pieces(np.arange(n, min(steps, n + self.block)))[0]) for n in blocks]]
         )
-        asked = max(m * way.momentum.width + e * way.element.width for m, e in self.questions)
-        self.some = max(1, ROOM // (8 * max(1, asked) * places)) if kept else most_parts * parts
-        some = min(self.some, most_parts * parts) if kept else 0
+        width = max(m * way.momentum.width + e * way.element.width for m, e in self.questions)
+        self.at_once = max(1, ROOM // (8 * max(1, width) * places)) if kept else most_parts * parts
+        at_once = min(self.at_once, most_parts * parts) if kept else 0
         most = [max(counts) for counts in zip(*self.questions)]
         widths = way.state.width, way.felt.width, way.momentum.width, way.element.width
-        counts = most_parts * parts + 1, 1, some * most[0], some * most[1]
+        counts = most_parts * parts + 1, 1, at_once * most[0], at_once * most[1]
         self.states, self.felt, self.momenta, self.elements = [
             Planes.of_rows(max(way.along.width, width * count), self.count) for width, count in zip(widths, counts)
         ]
@@ -213,33 +213,34 @@ class BackwardRun:
     def _executions(self) -> tuple[SiteExecution, SiteExecution]:
         steps, planes = self.plan._steps, Planes.of_rows(1, 1)
         none, shared = kernel.Columns(np.empty(0)), kernel.Shared(np.empty(0))
-        given = steps.compiled, steps.progress
+        of_run = steps.compiled, steps.progress
         return (
-            SiteExecution(*given, forward_parts, self.way, 1, shared, planes, none, None),
-            SiteExecution(*given, backward_parts, self.way, 1, shared, *[planes] * 5),
+            SiteExecution(*of_run, forward_parts, self.way, 1, shared, planes, none, None),
+            SiteExecution(*of_run, backward_parts, self.way, 1, shared, *[planes] * 5),
         )
 
-    def _parts(self, wanted: list[Parameter]) -> list[SlopesOfPart]:
-        found, steps, way = [], self.plan._steps, self.way
-        if wanted and not asks_whole_energies(inner_method(self.plan)):
+    def _parts(self, parameters: list[Parameter]) -> list[SlopesOfPart]:
+        slopes, steps, way = [], self.plan._steps, self.way
+        if parameters and not asks_whole_energies(inner_method(self.plan)):
             raise IncompatibleSystem(
-                f"Plan.gradient: {self.plan.method!r} may depend on {wanted[0].name} by more than the velocity and the "
+                f"Plan.gradient: {self.plan.method!r} may depend on {parameters[0].name} by more than the velocity and the "
                 "force of the system: there is no derivative by it for many sites; RKMK and KickDrift have one"
             )
-        asked = [(x.energy, k) for x in wanted for k in (range(len(x.energy.parts)) if x.which is None else [x.which])]
-        for energy, which in {(id(e), k): (e, k) for e, k in asked}.values():
-            some = [x for x in wanted if x.energy is energy and x.which in (None, which)]
+        terms = [
+            (x.energy, k) for x in parameters for k in (range(len(x.energy.parts)) if x.which is None else [x.which])
+        ]
+        for energy, which in {(id(e), k): (e, k) for e, k in terms}.values():
+            of_term = [x for x in parameters if x.energy is energy and x.which in (None, which)]
             in_momenta = isinstance(energy, MomentumTerms)
             has_terms = isinstance(energy, (MomentumTerms, PlaceTerms))
             if not (has_terms and any(counts[0 if in_momenta else 1] for counts in self.questions)):
                 raise IncompatibleSystem(
                     f"Plan.gradient: steps of {self.plan.method!r} have no derivative by "
-                    f"{some[0].name} for many sites; RKMK has one by the energies of momenta too"
+                    f"{of_term[0].name} for many sites; RKMK has one by the energies of momenta too"
                 )
             layout = way.momentum if in_momenta else way.element
-            part = energy.parts[which]
-            found.append(SlopesOfPart(energy, part, some, self.places, layout, steps))
-        return found
+            slopes.append(SlopesOfPart(energy, energy.parts[which], of_term, self.places, layout, steps))
+        return slopes
 
     # ---------------------------------------------------------------- the way
 
@@ -253,31 +254,31 @@ class BackwardRun:
         """The derivative by the state at hand, (N,)."""
         return self.frames.in_a_row(self.felt.array[:, self.places].T[None])[0]
 
-    def back(self, given: Mapping[int, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    def back(self, cotangents: Mapping[int, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """The derivative by the start, (N,), and by the parameters, of a function that has these
         derivatives by the states after so many steps, (N,) each.
         """
-        self.given = {n: self._rows_of(np.asarray(w, dtype=float)) for n, w in given.items()}
-        self.last = max(self.given, default=0)
+        self.cotangents = {n: self._rows_of(np.asarray(w, dtype=float)) for n, w in cotangents.items()}
+        self.last = max(self.cotangents, default=0)
         self.felt.array[:] = 0.0
-        if self.last in self.given:
-            self.felt.array[:] = rows_of(self.given[self.last])
+        if self.last in self.cotangents:
+            self.felt.array[:] = rows_of(self.cotangents[self.last])
         for part in self.parts:
             part.sums.array[:] = 0.0
         if self.last:
             blocks = -(-self.last // self.block)
             go_back(0, blocks, self.kept, self.rows, self._advance, self._back)
-        found: dict[str, Any] = {}
+        by_name: dict[str, Any] = {}
         for part in self.parts:
-            for name, own in part.found.items():
-                found[name] = found[name] + own if name in found else own
+            for name, slopes in part.by_name.items():
+                by_name[name] = by_name[name] + slopes if name in by_name else slopes
         slope = self._components()
         if not np.isfinite(slope).all():
             raise NotFinite(
                 f"Plan.tangent: J^T w overflowed on the way back through {self.last} steps: neighbouring motions "
                 "part too fast; take a shorter run"
             )
-        return slope, found
+        return slope, by_name
 
     def _pieces(self, n: np.ndarray) -> tuple[np.ndarray, ...]:
         """Of steps, or of the pieces into which they are cut, the number of the step, when they begin, how
@@ -288,12 +289,12 @@ class BackwardRun:
         times = self.t0 + n * self.h
         if self.cut is None:
             return n, times, np.full(len(n), self.h), np.ones(len(n), dtype=bool)
-        found = [
+        pieces = [
             (k, begin, length, i == 0)
             for k, t in zip(n.tolist(), times.tolist())
             for i, (begin, length) in enumerate(self.cut.parts(self.plan._one, t, self.h))
         ]
-        return tuple(map(np.array, zip(*found)))
+        return tuple(map(np.array, zip(*pieces)))
 
     def _of_block(self, block: int) -> np.ndarray:
         """The parts of a block of steps, as rows of `StepPart`: kicks and turns at a node are one, where no
@@ -302,7 +303,7 @@ class BackwardRun:
         first = block * self.block
         n = np.arange(first, min(self.last, first + self.block))
         kind, node, share, begin, end = self.of_step.T
-        n, begins, lengths, first_ones = self._pieces(n)
+        n, begins, lengths, begins_step = self._pieces(n)
         shape = len(n), len(kind)
         rows = np.zeros((*shape, PART.width))
         rows[..., 0] = kind
@@ -310,22 +311,22 @@ class BackwardRun:
         rows[..., 2] = share * lengths[:, None]
         rows[..., 6], rows[..., 7], rows[..., 8] = begin, end, self.count
         rows[..., 9], rows[..., 10] = begins[:, None], lengths[:, None]
-        rows[:, 0, 3] = [k in self.given and one for k, one in zip(n.tolist(), first_ones)]
+        rows[:, 0, 3] = [k in self.cotangents and begins for k, begins in zip(n.tolist(), begins_step)]
         stay = np.ones(shape, dtype=bool)
         if self.joined:
-            one = np.flatnonzero(rows[1:, 0, 3] == 0.0)
-            rows[one + 1, 0, 2] += rows[one, -1, 2]
-            stay[one, -1] = False
-        found: np.ndarray = rows[stay]
-        return found
+            joined = np.flatnonzero(rows[1:, 0, 3] == 0.0)
+            rows[joined + 1, 0, 2] += rows[joined, -1, 2]
+            stay[joined, -1] = False
+        parts: np.ndarray = rows[stay]
+        return parts
 
     def _advance(self, rows: np.ndarray, first: int, end: int) -> np.ndarray:
         """The state before a block, of the one before another."""
         for block in range(first, end):
-            rows = self._made(rows, self._of_block(block))
+            rows = self._after(rows, self._of_block(block))
         return rows
 
-    def _made(self, rows: np.ndarray, parts: np.ndarray) -> np.ndarray:
+    def _after(self, rows: np.ndarray, parts: np.ndarray) -> np.ndarray:
         """The state after some parts of steps, and in memory those in between."""
         width, count = self.way.state.width, len(parts)
         self.states.array[:width] = rows_of(rows)
@@ -342,17 +343,18 @@ class BackwardRun:
             raise IntegrationFailure(
                 f"Plan.tangent: the step at t = {parts[int(done[0]), 1]:g} could not be made again"
             ) from (failures[-1] if failures else None)
-        found: np.ndarray = self.states.array[width * count : width * (count + 1), : self.count]
-        return found.copy()
+        end: np.ndarray = self.states.array[width * count : width * (count + 1), : self.count]
+        return end.copy()
 
     def _back(self, rows: np.ndarray, block: int) -> None:
         """Back through a block, some parts at a time."""
         parts = self._of_block(block)
-        self._made(rows, parts)
+        self._after(rows, parts)
         first = block * self.block
-        steps = iter([n for n in range(min(self.last, first + self.block) - 1, first - 1, -1) if n in self.given])
-        for end in range(len(parts), 0, -self.some):
-            self._through(parts[max(0, end - self.some) : end].copy(), max(0, end - self.some), steps)
+        steps = iter([n for n in range(min(self.last, first + self.block) - 1, first - 1, -1) if n in self.cotangents])
+        for end in range(len(parts), 0, -self.at_once):
+            begin = max(0, end - self.at_once)
+            self._through(parts[begin:end].copy(), begin, steps)
 
     def _through(self, parts: np.ndarray, first: int, steps: Any) -> None:
         """Back through some parts.  first : number of the first of them in the block.  steps : at which
@@ -360,14 +362,14 @@ class BackwardRun:
         """
         way, count = self.way, len(parts)
         states = Planes(self.states.array[way.state.width * first :], self.count)
-        here = [self.given[next(steps)] for _ in range(int(parts[:, 3].sum()))]
-        given = Planes.of_rows(max(1, len(here)) * way.felt.width, self.count)
-        for k, w in enumerate(here):
-            given.array[k * way.felt.width : (k + 1) * way.felt.width] = rows_of(w)
-        asked = [np.array(counts)[parts[:, 0].astype(int)] for counts in zip(*self.questions)]
-        for column, many in zip((4, 5), asked):
-            parts[:, column] = np.cumsum(many) - many
-        arguments = states, self.felt, given, self.momenta, self.elements
+        cotangents = [self.cotangents[next(steps)] for _ in range(int(parts[:, 3].sum()))]
+        planes = Planes.of_rows(max(1, len(cotangents)) * way.felt.width, self.count)
+        for k, w in enumerate(cotangents):
+            planes.array[k * way.felt.width : (k + 1) * way.felt.width] = rows_of(w)
+        counts_of_parts = [np.array(counts)[parts[:, 0].astype(int)] for counts in zip(*self.questions)]
+        for column, counts in zip((4, 5), counts_of_parts):
+            parts[:, column] = np.cumsum(counts) - counts
+        arguments = states, self.felt, planes, self.momenta, self.elements
         with self.backward.on_sites(self.count * count, self.count, self.plan.options.workers) as calls:
             if calls is not None:
                 calls(way, count, kernel.Shared(parts), *arguments)
@@ -375,5 +377,5 @@ class BackwardRun:
                 backward_parts(way, count, parts.ravel(), *arguments)
         for part in self.parts:
             in_momenta = part.edges.in_momenta
-            used = self.momenta if in_momenta else self.elements
-            part.add(int(asked[0 if in_momenta else 1].sum()), used)
+            places = self.momenta if in_momenta else self.elements
+            part.add(int(counts_of_parts[0 if in_momenta else 1].sum()), places)

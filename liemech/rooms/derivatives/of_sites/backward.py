@@ -144,13 +144,13 @@ def turned_back(
     """The way back through a turn: first of the sites that turn, then of the others, or of all where
     each turns by itself.  alongs : zeros, before and after.
     """
-    begin, end, given = int(part.begin), int(part.end), (way, turn, part, states, n, felt, alongs)
-    some(states, begin, end, one_turned_back, *given, momenta)
+    begin, end, arguments = int(part.begin), int(part.end), (way, turn, part, states, n, felt, alongs)
+    some(states, begin, end, one_turned_back, *arguments, momenta)
     if turn.energy.coupled:
-        some(states, 0, begin, one_other_back, *given, momenta)
-        some(states, end, int(part.last), one_other_back, *given, momenta)
+        some(states, 0, begin, one_other_back, *arguments, momenta)
+        some(states, end, int(part.last), one_other_back, *arguments, momenta)
     else:
-        some(states, begin, end, one_other_back, *given, momenta)
+        some(states, begin, end, one_other_back, *arguments, momenta)
     some(states, begin, end, one_at_rest, alongs, way.along)
 
 
@@ -174,8 +174,8 @@ def one_other_back(
     before, w = load(states, n, way.state), load(felt, 0, way.felt)
     along = load(alongs, 0, way.along)
     turn = seen(way, part, turn)
-    more = turn.of_others(part, before.mu, along)
-    save(felt, 0, fitted(BodyState(w.mu + more, w.g), way.felt), way.felt)
+    by_others = turn.of_others(part, before.mu, along)
+    save(felt, 0, fitted(BodyState(w.mu + by_others, w.g), way.felt), way.felt)
     if way.kept:
         save(momenta, int(part.momenta), Question(part.t, before.mu, along), way.momentum)
 
@@ -187,8 +187,7 @@ def one_at_rest(alongs: Any, layout: Any) -> None:
 
 def one_given(way: WayBack, felt: Any, given: Any, k: int) -> None:
     """A derivative that is given, of one site."""
-    w, more = load(felt, 0, way.felt), load(given, k, way.felt)
-    save(felt, 0, added(w, more), way.felt)
+    save(felt, 0, added(load(felt, 0, way.felt), load(given, k, way.felt)), way.felt)
 
 
 def added(w: Any, more: Any) -> Any:
@@ -246,14 +245,14 @@ def edges_back(edges: EdgesAsked, asked: Any, total: Any, count: int, used: Any,
 
 def one_edge(edges: EdgesAsked, asked: Any, total: Any, count: int, used: Any, sums: Any) -> None:
     """Add the derivatives at one edge to its sum."""
-    here = at_this_site(edges)
-    varied = records_in(here, VariedParameter)
-    numbers = vec(*[x for one in varied for x in numbers_of(one)])
-    found = load(sums, 0, total)
+    edge = at_this_site(edges)
+    varied = records_in(edge, VariedParameter)
+    numbers = vec(*[x for parameter in varied for x in numbers_of(parameter)])
+    slopes = load(sums, 0, total)
     for k in range(count):
-        ends = [at(used, own(edges.ends, i), k, asked) for i in range(len(here.own))]
-        found = found + by_parameters(here, varied, ends, numbers)
-    save(sums, 0, found, total)
+        ends = [at(used, own(edges.ends, i), k, asked) for i in range(len(edge.own))]
+        slopes = slopes + by_parameters(edge, varied, ends, numbers)
+    save(sums, 0, slopes, total)
 
 
 def by_parameters(edges: EdgesAsked, varied: list[VariedParameter], ends: list[Question], p: Any) -> Any:
@@ -265,16 +264,16 @@ def sensed(edges: EdgesAsked, varied: list[VariedParameter], ends: list[Question
     """D_along E of an edge with these parameters."""
     values: list[Any] = []
     begin = 0
-    for one in varied:
-        width = len(numbers_of(one))
-        values = [*values, in_shape(p[begin : begin + width] if one.shape else p[begin], one.shape)]
+    for parameter in varied:
+        width, shape = len(numbers_of(parameter)), parameter.shape
+        values = [*values, in_shape(p[begin : begin + width] if shape else p[begin], shape)]
         begin = begin + width
     moved = with_records(edges, VariedParameter, values)
     term = at_time(moved.term, ends[0].t)
     return derivative(lambda e: moved.energy(term, ends, e), 0.0)
 
 
-def numbers_of(one: VariedParameter) -> list[Any]:
+def numbers_of(parameter: VariedParameter) -> list[Any]:
     """The numbers of a parameter at an edge."""
-    found = own(one.array)
-    return [*found] if isinstance(found, SmallVec) else [found]
+    value = own(parameter.array)
+    return [*value] if isinstance(value, SmallVec) else [value]

@@ -85,8 +85,8 @@ class Slot:
         if self.by is None:
             return rows
         flat = rows.reshape(len(rows), -1)
-        found = np.einsum("nij,nj->ni", np.broadcast_to(self.by, (len(rows), *self.by.shape[1:])), flat)
-        return found.reshape(len(rows), *self.parameter.shape)
+        by_parameter = np.einsum("nij,nj->ni", np.broadcast_to(self.by, (len(rows), *self.by.shape[1:])), flat)
+        return by_parameter.reshape(len(rows), *self.parameter.shape)
 
 
 class Parameter:
@@ -121,18 +121,18 @@ class Parameter:
         self.energy = None
         for i, part in enumerate(parts):
             if isinstance(value, OfTerms):
-                self.energy, rest = value, parts[i:]
+                self.energy, path = value, parts[i:]
             value = value[int(part)] if part.isdigit() else getattr(value, part)
         self.value = value
-        known = self.energy is not None and rest[0] == "parts" and rest[2] == "term"
-        self.path = tuple(rest[3:]) if known else ()
+        of_term = self.energy is not None and path[0] == "parts" and path[2] == "term"
+        self.path = tuple(path[3:]) if of_term else ()
         inner = {*self.path[:-1]} - WRAPPERS
-        if not (_is_numeric(value) and known and self.path and not inner):
+        if not (_is_numeric(value) and of_term and self.path and not inner):
             raise IncompatibleSystem(
                 f"{caller}: {name} is no field of a term; derivatives by other parameters of many sites "
                 "are found by `along=` of runs with other values, or where the system is written out"
             )
-        self.which = int(rest[1])
+        self.which = int(path[1])
         owner = parameter(system, ".".join(parts[:-1]))
         self.slots = [Slot(self, self.path, value)]
         self.shape = self.slots[0].shape
@@ -142,7 +142,7 @@ class Parameter:
         """The fields that follow from the parameter, such as the inverse of an inertia.  Raises
         IncompatibleSystem where the parameter is not used as it is given.
         """
-        given = {name: getattr(owner, name) for name in named(type(owner))}
+        fields = {name: getattr(owner, name) for name in named(type(owner))}
         start = self.value.values if isinstance(self.value, Each) else np.asarray(self.value, float)
         count = len(start) if isinstance(self.value, Each) else 1
         width = self.slots[0].width
@@ -152,7 +152,7 @@ class Parameter:
             array = start + e * sizes.reshape(start.shape) * direction.reshape(self.shape)
             new: Any = each(array) if isinstance(self.value, Each) else array
             new = new if self.shape or isinstance(self.value, Each) else float(new)
-            return type(owner)(**{**given, field: new})
+            return type(owner)(**{**fields, field: new})
 
         units = np.eye(width)
         if len(self.shape) == 2 and np.array_equal(start, np.swapaxes(start, -1, -2)):  # an inertia, which stays so
@@ -162,12 +162,12 @@ class Parameter:
         kind: Any = type(near)
         others = [x for x in names_of(kind) if x != field and not _same(getattr(near, x), getattr(owner, x))]
         numeric = all(_is_numeric(getattr(owner, x)) for x in others)
-        if _same(getattr(near, field), self.value) or {*others} & {*given} or not numeric:
+        if _same(getattr(near, field), self.value) or {*others} & {*fields} or not numeric:
             raise IncompatibleSystem(
                 f"Plan.gradient: {self.name} of {type(owner).__name__} is not used as it is given; give the "
                 "term the numbers that its energy uses"
             )
-        found = []
+        slots = []
         for name in others:
             value = getattr(owner, name)
             by = np.zeros((count, width, _numbers(value).size // count))
@@ -177,8 +177,8 @@ class Parameter:
                     return _numbers(getattr(moved(unit, e), name)).reshape(count, -1)
 
                 by[:, k] = slope_of(numbers, APART) / sizes.reshape(count, width)[:, k, None]
-            found.append(Slot(self, (*self.path[:-1], name), value, by))
-        return found
+            slots.append(Slot(self, (*self.path[:-1], name), value, by))
+        return slots
 
     def put(self, term: Any, varied: VariedParameter, path: tuple[str, ...]) -> Any:
         """The term with the varied parameter at the end of a path of fields."""
@@ -199,20 +199,22 @@ class SlopesOfPart:
         self.count, self.arity = len(edges), edges.shape[1]
         term: Any = part.term
         held: list[tuple[Slot, Any, VariedParameter]] = []
-        for one in [slot for x in wanted if x.which is not None for slot in x.slots]:
-            held.append((one, None, one.at_edges(self.count)))
-            term = one.parameter.put(term, held[-1][2], one.path)
+        for slot in [slot for x in wanted if x.which is not None for slot in x.slots]:
+            held.append((slot, None, slot.at_edges(self.count)))
+            term = slot.parameter.put(term, held[-1][2], slot.path)
         others = records_in(term, Each)
         term = with_records(term, Each, [EachOfSites.of_each(x) for x in others])
-        own: list[list[Any]] = []
-        for there in edges.T:
-            own.append([EachOfSites.of_each(each(x.values[there])) if isinstance(x, Each) else x for x in energy.own])
-            for one in [slot for x in wanted if x.which is None for slot in x.slots]:
-                held.append((one, there, one.at_edges(self.count, there)))
-                own[-1][one.path[0]] = held[-1][2]
+        of_ends: list[list[Any]] = []
+        for end in edges.T:
+            of_ends.append([EachOfSites.of_each(each(x.values[end])) if isinstance(x, Each) else x for x in energy.own])
+            for slot in [slot for x in wanted if x.which is None for slot in x.slots]:
+                held.append((slot, end, slot.at_edges(self.count, end)))
+                of_ends[-1][slot.path[0]] = held[-1][2]
         ends = SiteTable.of(places[edges.T])
         site = site_class(energy.names)()
-        self.edges = EdgesAsked(term, group.base, site, tuple(map(tuple, own)), ends, isinstance(energy, MomentumTerms))
+        self.edges = EdgesAsked(
+            term, group.base, site, tuple(map(tuple, of_ends)), ends, isinstance(energy, MomentumTerms)
+        )
         order = [next(k for k, y in enumerate(held) if y[2] is x) for x in records_in(self.edges, VariedParameter)]
         self.held = [held[k][:2] for k in order]  # as formulas find them
         self.sites = group.copies
@@ -228,25 +230,25 @@ class SlopesOfPart:
 
     def add(self, count: int, used: Planes) -> None:
         """Add the derivatives of `count` values that the terms were asked for on the way back."""
-        given = self.edges, self.asked, self.total, count, used, self.sums
+        arguments = self.edges, self.asked, self.total, count, used, self.sums
         with self.execution.on_sites(self.count * count, self.count) as calls:
             driver: Any = edges_back if calls is None else calls
-            driver(*given)
+            driver(*arguments)
 
     @property
-    def found(self) -> dict[str, np.ndarray]:
+    def by_name(self) -> dict[str, np.ndarray]:
         """The derivatives by name: of a parameter that all edges or sites share their sum."""
         result: dict[str, Any] = {}
         begin = 0
-        for one, ends in self.held:
-            rows = self.sums.array[begin : begin + one.width, : self.count].T.reshape(-1, *one.shape)
-            begin += one.width
+        for slot, ends in self.held:
+            rows = self.sums.array[begin : begin + slot.width, : self.count].T.reshape(-1, *slot.shape)
+            begin += slot.width
             if ends is not None:
-                edges, rows = rows, np.zeros((self.sites, *one.shape))
+                edges, rows = rows, np.zeros((self.sites, *slot.shape))
                 np.add.at(rows, ends, edges)
-            each_own, name = one.by_parameter(rows), one.parameter.name
-            own = each_own.copy() if isinstance(one.value, Each) else each_own.sum(axis=0)
-            result[name] = result[name] + own if name in result else own
+            slopes, name = slot.by_parameter(rows), slot.parameter.name
+            slopes = slopes.copy() if isinstance(slot.value, Each) else slopes.sum(axis=0)
+            result[name] = result[name] + slopes if name in result else slopes
         return result
 
 
