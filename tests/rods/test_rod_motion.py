@@ -11,7 +11,7 @@ from liemech.compiler.sites.planes import Planes, columns
 from liemech.formulas import mat, vec
 from liemech.formulas.classes.layouts import layout_of
 from liemech.models import CosseratRod, RodSection
-from liemech.rooms.sites.block_elimination import BLOCKS, factor, substitute
+from liemech.rooms.sites.block_elimination import BLOCKS, factor, fill, substitute
 from liemech.rooms.sites.galerkin_of_chain import order_along, work_of
 
 SOFT = RodSection([1.0, 1.2, 0.8, 30.0, 30.0, 40.0], [0.1, 0.12, 0.2, 1.0, 1.0, 1.0])
@@ -192,6 +192,7 @@ def test_elimination_along_a_chain_and_a_ring_is_that_of_the_whole_matrix(count,
                 block = rng.normal(size=(n, n)) + (4.0 * np.eye(n) if other == k else 0.0)
                 put_block(work.blocks, BLOCKS * k + slot, mat(*[vec(*row) for row in block.tolist()]))
                 whole[k, :, other % count] = block
+    fill(order, work)
     factor(order, 1.0, work)
     substitute(order, work)
     exact = np.linalg.solve(whole.reshape(n * count, n * count), right.ravel())

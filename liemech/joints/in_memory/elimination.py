@@ -14,7 +14,7 @@ from ...errors import NoConvergence
 from ...formulas import Mat, Vec, dot, mat, vec, where
 from ...formulas.tables import entry, whole
 from ...integrators.kicks.explicit_kicks import negative_pivots
-from ...rooms.sites.block_elimination import BLOCKS, factor, substitute
+from ...rooms.sites.block_elimination import BLOCKS, factor, fill, substitute
 from ...systems.kinetic_energy import times
 from .links import DEAD_POINT, REST6, both, speeds, wrenches
 
@@ -123,6 +123,7 @@ def assembled(system: Any, sites: Any, sides: Any, sign: float, h: float, work: 
     rotors yield.
     """
     each(sites, tied, system, sides, work, equations)
+    fill(system.order, equations)
     coupled(system, sides, sign, equations)
     if system.meshes:
         mesh_blocks(system, h, equations)

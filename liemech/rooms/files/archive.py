@@ -447,16 +447,21 @@ def _event_of(
 def _require_samples(
     where: str, states: dict[str, np.ndarray], events: Any, like: State, system: Any, observed: Any, bodies: int | None
 ) -> None:
-    """Refuse samples, and states at events, that are of another shape than the state at which the run stands."""
+    """Refuse samples, and states at events, that are of another shape than the state at which the run stands; at zeros of
+    sums over many sites there are none of the sites.
+    """
     lead, zeros = 0 if bodies is None else 1, [x for event in events for x in ((event,) if bodies is None else event)]
     parts, parts_of_zeros = like.arrays, with_sites(system, like, lead).arrays
-    samples = [(len(x), x, n, parts[n], 0) for n, x in states.items() if n in parts and n not in observed]
-    samples += [(t.size, x, n, parts_of_zeros[n], lead) for t, at in zeros for n, x in at.arrays.items() if n in parts]
-    for count, x, name, part, axes in samples:
-        shape = part.shape[axes:]
-        if count and (x.shape != (count, *shape) or x.dtype != part.dtype):
+    samples = [(len(x), x, n, parts[n].shape, ()) for n, x in states.items() if n in parts and n not in observed]
+    for t, at in zeros:
+        for n, x in at.arrays.items():
+            if n in parts:
+                shape = parts_of_zeros[n].shape[lead:]
+                samples.append((t.size, x, n, shape, (t.size, 0, *shape[1:]) if shape else ()))
+    for count, x, name, shape, of_no_site in samples:
+        if count and (x.shape not in ((count, *shape), of_no_site) or x.dtype != parts[name].dtype):
             raise InvalidInput(
-                f"{where}: {count} samples of {name} are {x.shape} of {x.dtype}; one is {shape} of {part.dtype}"
+                f"{where}: {count} samples of {name} are {x.shape} of {x.dtype}; one is {shape} of {parts[name].dtype}"
             )
 
 

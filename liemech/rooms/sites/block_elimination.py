@@ -58,6 +58,13 @@ class Elimination(Record):
         return -(-max(int(self.blocks), BLOCKS * padded(places)) * n * wide(n) // padded(places))
 
 
+def fill(order: Elimination, equations: Any) -> None:
+    """Set the blocks to zero that are not there before elimination."""
+    n = equations.residual.width
+    for p in range(whole(order.filled, 0)):
+        put_block(equations.blocks, whole(order.filled, 1 + p), mat(*[vec(*[0.0] * n)] * n))
+
+
 def factor(order: Elimination, sign: float, equations: Any, measure: Any = None) -> tuple[float, float, float]:
     """Eliminate blocks, in place; the first node whose equations depend on those before it, or -1; 1, or -1 if the
     determinant has another sign than that of `sign` times a positive matrix; and the sum of a `measure` of pivots, if there
@@ -65,8 +72,6 @@ def factor(order: Elimination, sign: float, equations: Any, measure: Any = None)
     """
     blocks, n = equations.blocks, equations.residual.width
     dependent, same_sign, total = -1.0, 1.0, 0.0
-    for p in range(whole(order.filled, 0)):
-        put_block(blocks, whole(order.filled, 1 + p), mat(*[vec(*[0.0] * n)] * n))
     for p in range(int(order.nodes)):
         k, begin, end = (whole(order.pivots, 3 * p + i) for i in range(3))
         before = equations.diagonal.at(k)

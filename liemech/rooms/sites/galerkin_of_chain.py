@@ -37,7 +37,7 @@ from ...integrators.solvability import CONTRACTION, INFINITY, LEAST, MOST, ROUND
 from ...integrators.variational import with_inertia
 from ...solvers import NOISE
 from ...systems.lie_poisson import BodyState
-from .block_elimination import BLOCKS, Elimination, factor, substitute
+from .block_elimination import BLOCKS, Elimination, factor, fill, substitute
 from .steps_together import StepsTogether, copied, grown_together, summed_over
 from .terms.terms_at_site import at_this_site
 
@@ -132,6 +132,7 @@ class GalerkinOfChain(StepsTogether):
             if anew:
                 each(sites, slopes_here, self, system, old, work)
                 each(sites, block_here, self, system, t, h, old, work)
+                fill(self.order, work)
                 factor(self.order, 1.0, work)
             substitute(self.order, work)
             each(sites, corrected, system, old, work)
