@@ -9,7 +9,9 @@ import numpy as np
 from ..errors import InvalidInput
 from ..formulas.arrays import real_array, shown
 from ..formulas.classes.frozen import frozen
+from ..formulas.classes.remembered import Remembered
 from ..groups.lie_group import LieGroup
+from .block_tridiagonal import require_digits
 from .errors_of_elements import check_side, error
 
 
@@ -40,7 +42,8 @@ class Belief:
         g = self.g if side == "right" else self.group.inverse(self.g)
         A = self.group.Ad_matrix(g)
         P = A @ self.covariance @ np.swapaxes(A, -1, -2)
-        return Belief(self.group, self.g, P, side, self.nis, self.accepted)
+        seen = Belief(self.group, self.g, P, side, self.nis, self.accepted)
+        return vouched(seen) if is_vouched(self) else seen
 
     def error(self, x: Any) -> Any:
         """The error of this estimate, (..., dim), where x is the truth."""
@@ -48,11 +51,19 @@ class Belief:
 
     def nees(self, x: Any) -> Any:
         """The squared error e . P^-1 e, where x is the truth: of a consistent filter it is distributed
-        like chi-square with dim degrees of freedom.
+        like chi-square with dim degrees of freedom.  Raises InvalidInput for a covariance that is singular.
         """
-        e = np.asarray(self.error(x))
-        solved = np.linalg.solve(self.covariance, e[..., None])[..., 0]
-        squared = np.einsum("...i,...i->...", e, solved)
+        e, P = np.asarray(self.error(x)), np.asarray(self.covariance)
+        try:
+            root = np.linalg.cholesky(P)
+            require_digits(np.diagonal(root, axis1=-2, axis2=-1), self.deviations**2)
+        except np.linalg.LinAlgError:
+            raise InvalidInput(
+                "Belief.nees: the covariance is singular: an error along a direction of no variance has no square in its "
+                "units. Give the belief and the noise of the process some variance along each"
+            ) from None
+        solved = np.linalg.solve(root, e[..., None])[..., 0]
+        squared = np.einsum("...i,...i->...", solved, solved)
         return squared if squared.ndim else float(squared)
 
     @property
@@ -98,7 +109,22 @@ def checked(where: str, group: LieGroup, g: Any, covariance: Any, side: str) -> 
         raise InvalidInput(
             f"{where}: covariance has the negative eigenvalue {least:.1e} (in units in which the variances are 1)"
         )
-    return Belief(group, element, np.broadcast_to(P, (*lead, group.dim, group.dim)), side)
+    return vouched(Belief(group, element, np.broadcast_to(P, (*lead, group.dim, group.dim)), side))
+
+
+_vouched = Remembered()
+"""Beliefs whose arrays have been checked, or are those of a filter."""
+
+
+def vouched(belief: Belief) -> Belief:
+    """The belief, noted as one whose arrays need no check."""
+    _vouched.set(belief, True)
+    return belief
+
+
+def is_vouched(belief: Belief) -> bool:
+    """Need its arrays no check?"""
+    return _vouched.get(belief) is not None
 
 
 ROUNDING = 1e-9

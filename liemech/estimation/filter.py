@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import InvalidInput, require, undefined
 from ..formulas import Ambient, Element, Mat, Record, Vec, record
 from ..formulas.arrays import real_array
-from .belief import Belief, checked
+from .belief import Belief, checked, is_vouched, vouched
 from .errors_of_elements import check_side
 from .processes import Process
 from .sensors import Sensor, require_elements
@@ -104,11 +104,11 @@ class Filter(OfBeliefs):
 
     def predict(self, belief: Any, u: Any, h: Any) -> Belief:
         """The belief after a step h with the measured input u.  u : (..., inputs), h : s."""
-        self._look_at("predict", belief)
+        belief = self._looked_at("predict", belief)
         if not (h > 0.0 if type(h) is float else np.all(real_array(h, "h") > 0.0)):
             raise InvalidInput(f"{type(self).__name__}.predict: h must be positive; got {h!r}")
         g, covariance = self.propagated(belief.g, belief.covariance, u, h)
-        return Belief(belief.group, g, covariance, self.side)
+        return vouched(Belief(belief.group, g, covariance, self.side))
 
     def update(self, belief: Any, sensor: Any, z: Any, gate: Any = None) -> Belief:
         """The belief after a measurement z of a sensor.
@@ -116,19 +116,20 @@ class Filter(OfBeliefs):
         gate : a probability, such as 0.999: a measurement whose squared innovation is beyond this
         quantile of chi-square is left out (`accepted` says so).  z : (..., m).
         """
-        correction = self._correction("update", belief, sensor, gate)
+        belief, correction = self._looked_at("update", belief), self._correction("update", sensor, gate)
         require_elements(f"{type(self).__name__}.update: z", sensor, z)
         g, covariance, nis = correction.corrected(belief.g, belief.covariance, z)
-        return Belief(belief.group, g, covariance, self.side, nis, nis <= correction.limit)
+        return vouched(Belief(belief.group, g, covariance, self.side, nis, nis <= correction.limit))
 
     def innovation(self, belief: Any, sensor: Any, z: Any) -> tuple[Any, Any]:
         """The innovation r, (..., m), and its covariance S, (..., m, m)."""
-        correction = self._correction("innovation", belief, sensor, None)
+        belief, correction = self._looked_at("innovation", belief), self._correction("innovation", sensor, None)
         require_elements(f"{type(self).__name__}.innovation: z", sensor, z)
         r, S = correction.innovation(belief.g, belief.covariance, z)
         return r, S
 
-    def _look_at(self, name: str, belief: Any) -> None:
+    def _looked_at(self, name: str, belief: Any) -> Belief:
+        """The belief, one that is made by hand with its arrays checked.  Raises InvalidInput."""
         require(f"{type(self).__name__}.{name}: belief", belief, Belief, "a Belief, as `belief(g, covariance)` gives")
         if belief.group is not self.group and belief.group != self.group:
             raise InvalidInput(
@@ -139,9 +140,11 @@ class Filter(OfBeliefs):
                 f"{type(self).__name__}.{name}: the error of the belief is on the {belief.side}, that "
                 f"of the filter on the {self.side}: belief.seen_from({self.side!r})"
             )
+        if is_vouched(belief):
+            return belief
+        return checked(f"{type(self).__name__}.{name}: belief", self.group, belief.g, belief.covariance, self.side)
 
-    def _correction(self, name: str, belief: Any, sensor: Any, gate: Any) -> Correction:
-        self._look_at(name, belief)
+    def _correction(self, name: str, sensor: Any, gate: Any) -> Correction:
         corrections, gate = self._corrections, None if gate is None else _probability(gate)
         correction = corrections.get((id(sensor), gate))
         if correction is None or correction.sensor is not sensor:

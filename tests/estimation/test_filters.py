@@ -692,3 +692,35 @@ def test_log_has_a_derivative_at_the_identity():
         zero = vec(*[0.0] * group.dim)
         slopes = [derivative(lambda e, G=group: G.log(G.exp(e)), zero, d) for d in axes(zero)]
         assert np.array_equal(np.array(slopes), np.eye(group.dim))
+
+
+def test_the_error_of_a_singular_covariance_has_no_square() -> None:
+    """P = v v^T, whose inverse is rounding: e . P^-1 e was any number."""
+    group, v = lm.SE3(), np.array([0.3, -0.2, 0.5, 0.1, 0.7, -0.4])
+    for P in (np.outer(v, v), np.diag([1.0, 1.0, 1.0, 1.0, 1.0, 0.0]), 1e-30 * np.outer(v, v)):
+        with pytest.raises(InvalidInput, match="covariance is singular"):
+            es.Belief(group, np.eye(4), P).nees(group.exp(0.1 * v[::-1]))
+    deviations, e = np.array([1e-12, 1.0, 1e9, 1e-3, 2.0, 1e4]), 1e-12 * v
+    nees = es.Belief(group, np.eye(4), np.diag(deviations**2)).nees(group.exp(e))
+    assert np.isclose(nees, np.sum((e / deviations) ** 2), rtol=1e-9)
+
+
+@pytest.mark.parametrize("kind", [es.ErrorStateFilter, es.UnscentedFilter])
+@pytest.mark.parametrize(("covariance", "said"), [
+    (np.eye(3) + np.array([[0.0, 0.5, 0.0], [0.0] * 3, [0.0] * 3]), "symmetric"),
+    (np.diag([1.0, 1.0, -0.5]), "negative eigenvalue"),
+])  # fmt: skip
+def test_a_belief_made_by_hand_is_looked_at(kind, covariance, said):
+    group = lm.SO3()
+    f, sensor = kind(es.Turning(group, [0.1] * 3)), es.Direction(group, [0.0, 0.0, 1.0], [0.1] * 3)
+    belief, z = es.Belief(group, np.eye(3), covariance), np.array([0.0, 0.1, 1.0])
+    for use in (
+        lambda: f.predict(belief, [0.1, 0.2, 0.3], 0.1),
+        lambda: f.update(belief, sensor, z),
+        lambda: f.innovation(belief, sensor, z),
+    ):
+        with pytest.raises(InvalidInput, match=f"{kind.__name__}.*belief: covariance.*{said}"):
+            use()
+    deviations = es.Belief(group, np.eye(3), np.array([0.1, 0.2, 0.3]))
+    known = f.belief(np.eye(3), [0.1, 0.2, 0.3])
+    assert np.array_equal(f.update(deviations, sensor, z).covariance, f.update(known, sensor, z).covariance)
