@@ -42,8 +42,8 @@ class Belief:
         g = self.g if side == "right" else self.group.inverse(self.g)
         A = self.group.Ad_matrix(g)
         P = A @ self.covariance @ np.swapaxes(A, -1, -2)
-        seen = Belief(self.group, self.g, P, side, self.nis, self.accepted)
-        return vouched(seen) if is_vouched(self) else seen
+        belief = Belief(self.group, self.g, P, side, self.nis, self.accepted)
+        return vouched(belief) if is_vouched(self) else belief
 
     def error(self, x: Any) -> Any:
         """The error of this estimate, (..., dim), where x is the truth."""
