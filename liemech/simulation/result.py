@@ -178,7 +178,7 @@ def of_sites(run: Any) -> Any:
     promises = SimpleNamespace(t=lambda: t, states=states, carry=lambda: run.standing)
     return Trajectory.promised(
         promises, system=plan.system, method=plan.method, bodies=None, steps=run.most,
-        compiled=run.compiled, stopped=NONE, ended=run.ended,
+        compiled=run.compiled, stopped=NONE, ended=run.ended_by,
         events=() if run.events is None else run.events.shown(0),
         observed=() if plan.recorder is None else plan.recorder.observed, **run.known(),
     )  # fmt: skip

@@ -193,6 +193,7 @@ class LinksRun(SiteRun):
     functions that are recorded, looks at the states that steps lead to.
     """
 
+    names_place = True
     streams = True  # functions are found at the end
     looked_at_by = StepsOfLinkage
 
@@ -368,9 +369,5 @@ class LinksRun(SiteRun):
         """Another reason for it, of methods that leave the conditions."""
         if isinstance(self.shape.method, (RattleOfLinks, MultipleTimeStepsOfLinks)):
             return ""
-        smaller = f"rtol = {0.01 * self.way.rtol:g}" if self.adaptive else f"h = {0.25 * self.h:g}"
+        smaller = f"rtol = {0.01 * self.prepared.rtol:g}" if self.adaptive else f"h = {0.25 * self.h:g}"
         return f", or steps too long to stay near them; try {smaller}"
-
-    def _origin(self, error: Any, t: float) -> Any:
-        """The error itself, which knows the joint."""
-        return error

@@ -17,7 +17,7 @@ class EndsKept(SiteRun):
     """A run that knows when its steps ended."""
 
     def aim(self, *given: Any) -> Any:
-        self.step_ends = [self.begun]
+        self.step_ends = [self.t_start]
         return super().aim(*given)
 
     def _quicker(self, pace: int, used: float) -> int:

@@ -3,7 +3,8 @@
 In the order in which one reads:
 
     plan.py         which runs go by sites, and of which class they are
-    run.py          `SiteRun`: the loop in Python, a `Course`; samples, times inside of steps, failures
+    run.py          `SiteRun`: the loop in Python, a `Course`; samples, times inside of steps
+    failures.py     why a step failed, and at which site
     driver.py       the loop in native code, `advance_sites`, around the step of one site
     turns.py        splittings by colours, a step of all sites together; chains.py: chains and rings, solved as a whole
     states.py, prepared.py, execution.py    where numbers of sites lie, and who runs native code on them

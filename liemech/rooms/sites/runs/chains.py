@@ -95,6 +95,8 @@ def bonds_along(potential: PlaceTerms, n: int) -> list[Any] | None:
 class ChainRun(SiteRun):
     """One run of a chain of sites."""
 
+    names_place = True
+
     def _room_for(self, width: int) -> Planes:
         """Two copies of what the method carries along, and what a step works with.  Elimination goes
         from site to site, so that one thread makes a step.
@@ -117,8 +119,4 @@ class ChainRun(SiteRun):
         )
         squares = np.nan_to_num(self.squares[: self.count], nan=np.inf)
         error.site = getattr(failure, "site", int(squares.argmax()))  # type: ignore[attr-defined]
-        return error
-
-    def _origin(self, error: Any, t: float) -> Any:
-        """The error itself, which knows the site."""
         return error

@@ -65,7 +65,7 @@ class StepsOfSites(Moving):
         self.run, self.plan, self.adaptive = run, run.plan, run.adaptive
         self.asked_for: Any = False if run.shape.watched else run.plan._steps.compiled  # of one step at a time
         self.over, self.cuts = np.array([False]), {}  # type: Any, Any
-        self.sign = np.array([np.copysign(1.0, run.t_end - run.begun)])
+        self.sign = np.array([np.copysign(1.0, run.t_end - run.t_start)])
         self.met_before: Any = ({}, {})
         if not isinstance(start, StateOfSites):
             self.met_before = {0: start.met}, {} if start.event is None else {0: start.event}
@@ -219,7 +219,7 @@ class StepsOfSites(Moving):
     def _end(self, hit: Any, stand: Any, taken: int) -> None:
         """End the run where a terminal event has its zero."""
         run, (step, at, event, _) = self.run, hit
-        run.ended, self.cuts[0] = event, event
+        run.ended_by, self.cuts[0] = event, event
         (rows, totals), (begin, end) = self.at(step, at), self.times[step : step + 2].tolist()
         rows, whole = rows.copy(), self.rows[step + 1].copy()
         run.samples.return_to(at)

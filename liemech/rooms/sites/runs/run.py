@@ -6,47 +6,28 @@ from __future__ import annotations
 
 import copy
 import time
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from ....compiler import kernel
 from ....compiler.sites.planes import Planes
-from ....errors import IntegrationFailure, InvalidInput, NoConvergence, NotFinite, is_mistake
+from ....errors import IntegrationFailure, InvalidInput, NoConvergence
 from ....formulas.classes.layouts import layout_of
 from ....formulas.classes.nested import records_in
-from ....formulas.sites import FEW, SiteArray, SiteTable, TooManySites, one_site, padded, rows_of
+from ....formulas.sites import SiteArray, SiteTable, one_site, padded, rows_of
 from ....simulation import arguments
 from ....simulation.between.dense import unpacked
-from ....simulation.compiled.control import (
-    ANEW,
-    EPSILON,
-    FRESH,
-    GOAL,
-    LAST_TIME,
-    LIMIT,
-    MARK,
-    REJECTED,
-    STEP,
-    STUCK,
-    TAKEN,
-    TIME,
-    go_on,
-    to_try,
-)
-from ....simulation.compiled.driver import advance
-from ....simulation.result import of_run
+from ....simulation.compiled.control import FRESH, GOAL, LAST_TIME, LIMIT, MARK, REJECTED, STEP, TAKEN, TIME, go_on
 from ....simulation.runs.carry import SiteCarry
-from ....simulation.runs.course import Course, told
 from ....simulation.runs.equal import affordable, at_steps
 from ....simulation.runs.jumps import Ways, beyond_jump, stretches, until_jumps
-from ....simulation.runs.tolerance import limit_of, too_many, too_small
-from ....systems.in_time.inputs import during, has_inputs
+from ....simulation.runs.tolerance import limit_of, too_many
+from ....systems.in_time.inputs import has_inputs
 from ....systems.many.site_state import StateOfSites
-from .driver import COPIES, MET, ROW, Moment, OverSites, one_inside, one_rate, one_remake, one_start, one_step
+from .driver import COPIES, MET, Moment, one_inside, one_start
 from .events import StepsOfSites
 from .execution import LONG, SiteExecution
+from .failures import RunWithReasons
 from .lists import STEP as SHORT
 from .lists import Lists
 from .samples import EndsOfSteps, SamplesOfSites
@@ -58,24 +39,21 @@ PATIENCE = 0.1
 MOST = 2**30
 """Steps of a call, at most."""
 
-AROUND = 20
-"""Sites on both sides of one that failed, among which that is looked for of which it failed."""
 
-
-class SiteRun(Course):
+class SiteRun(RunWithReasons):
     """One run of one system of many sites: what bodies are in other runs is here one system, whose columns
     are its sites.
 
     clocks, goals : of the control, a column.  sites : the memory of the method at all sites, of which `place` says the
     copy where the sites are.  march : how far the driver has come.  shape : layouts and native code.  samples : what is
     kept.  steps_seen : where all steps are looked at; None: at no step.  ways : of the whole way of adaptive steps, of
-    every end of a step the time and the memory.  left : jumps of the velocity, last ones first.  lists : of neighbours.
+    every end of a step the time and the memory.  jumps_ahead : of the velocity, last ones first.  lists : of neighbours.
     bench : a run beside this one that makes single shorter steps.  level : of the derivative that numbers carry along.
     overflowed : the first site with numbers that are not finite, of a step that failed.
     """
 
     by_sites = True
-    ended: int | None = None  # by which event
+    ended_by: int | None = None  # which event
     level: float | None = None
     dense = each_end = False  # is the way of all adaptive steps kept, and are there samples at their ends?
     quantities: Any = None  # functions of samples
@@ -90,14 +68,14 @@ class SiteRun(Course):
         self, plan: Any, site: Any, start: Any, t0: float, steps: Any, t_end: Any, t_eval: Any,
         checkpoint: Any = None,
     ) -> None:  # fmt: skip
-        self.plan, self.site, self.checkpoint, self.way = plan, site, checkpoint, plan._steps
+        self.plan, self.site, self.checkpoint, self.prepared = plan, site, checkpoint, plan._steps
         self.adaptive, self.workers = plan.adaptive, plan.options.workers
         fresh = isinstance(start, StateOfSites)
         state = by_site(plan._one, start if fresh else start.state)
         self.state, self.count = state, state.sites
         zero: tuple[float, int] = (t0, 0) if fresh else (start.t0, start.step)
         self.t0, self.first = zero
-        self.begun = t0 if fresh else start.t
+        self.t_start = t0 if fresh else start.t
         self.lists: Any = Lists.of(plan._one, site) if plan._sites.listed else None
         if self.lists is not None:
             self.site = site = self.lists.at(np.asarray(state.parts["g"]))
@@ -106,7 +84,7 @@ class SiteRun(Course):
             plan._sites.fitting.add(self.count)
         self.fixed_times = t_eval is not None
         asked, times = self.aim(steps, t_end, t_eval)
-        inner = (asked != self.begun) & (asked != self.t_end)
+        inner = (asked != self.t_start) & (asked != self.t_end)
         every = self._looks
         inside = bool(every or (inner.any() if self.adaptive else self.fixed_times and plan._sites.places is not None))
         first, rows = self.laid_out(state)
@@ -158,8 +136,8 @@ class SiteRun(Course):
 
     def aim(self, steps: Any, t_end: Any, t_eval: Any) -> tuple[Any, Any]:
         """Set clock and goal; the times of samples as they were asked for, and as the driver meets them."""
-        self.left: Ways = []
-        steps_of_plan, self.every = self.way, self.plan.options.every
+        self.jumps_ahead: Ways = []
+        steps_of_plan, self.every = self.prepared, self.plan.options.every
         if not self.adaptive:
             self.steps = self.plan._count(steps, t_end, self.t0, self.first)
             last, h = self.first + self.steps, steps_of_plan.h
@@ -170,19 +148,21 @@ class SiteRun(Course):
             if t_eval is None:
                 times = self.t0 + self.numbers * h
                 return times, times
-            times_asked = np.asarray(arguments.times(t_eval, self.begun, self.t_end))
+            times_asked = np.asarray(arguments.times(t_eval, self.t_start, self.t_end))
             return times_asked, at_steps(times_asked, self.t0, h)
         self.steps = limit_of(steps, t_end)
         self.t_end = end = arguments.real(t_end, "t_end")
-        asked: Any = arguments.times(t_eval, self.begun, end)
-        ends = np.array([self.begun, end] if end != self.begun else [end])
+        asked: Any = arguments.times(t_eval, self.t_start, end)
+        ends = np.array([self.t_start, end] if end != self.t_start else [end])
         self.dense, self.each_end = self._kept(asked)
         self.ways: list[tuple[float, np.ndarray]] = []
-        self._set_out(self.begun, steps_of_plan.first(self.begun, end), 0, self.steps)
+        self._set_out(self.t_start, steps_of_plan.first(self.t_start, end), 0, self.steps)
         self.goals[:4, 0] = end, steps_of_plan.rtol, steps_of_plan.atol, steps_of_plan.longest
-        jumps = steps_of_plan.jumps(self.begun, end) if steps_of_plan.breaks or has_inputs(steps_of_plan.system) else ()
-        pieces = stretches(jumps, self.begun, end)
-        self.left = until_jumps(self.clocks[:, 0], self.goals[:, 0], self.begun, pieces)
+        jumps = (
+            steps_of_plan.jumps(self.t_start, end) if steps_of_plan.breaks or has_inputs(steps_of_plan.system) else ()
+        )
+        pieces = stretches(jumps, self.t_start, end)
+        self.jumps_ahead = until_jumps(self.clocks[:, 0], self.goals[:, 0], self.t_start, pieces)
         asked = (ends[:1] if self.each_end else ends) if asked is None else asked
         return asked, asked
 
@@ -195,7 +175,7 @@ class SiteRun(Course):
 
     def _set_out(self, t0: float, h: float, taken: int, last: int) -> None:
         """Set clock and goal for steps of a length, from where the run begins to the last one; step 0 was at t0."""
-        self.clocks, self.goals = np.array([[self.begun, h, *FRESH]]).T, np.zeros((GOAL.width, 1))
+        self.clocks, self.goals = np.array([[self.t_start, h, *FRESH]]).T, np.zeros((GOAL.width, 1))
         self.clocks[TAKEN] = taken
         self.goals[:, 0] = np.copysign(np.inf, h), 0.0, 0.0, 0.0, last, t0
 
@@ -212,7 +192,7 @@ class SiteRun(Course):
         notes = self.executing(shape.beginning).drive(sites, arguments, (), [done], failures)
         if not done[0]:
             error = self._why(failures, notes or 0, lambda i: one_site(self.count, i, one_start, *arguments))
-            raise self._ended(error, f"at the start, t = {self.begun:g}")
+            raise self._ended(error, f"at the start, t = {self.t_start:g}")
         self.starts = None
 
     def _take_up(self, start: SiteCarry) -> None:
@@ -223,11 +203,11 @@ class SiteRun(Course):
         numbers = self.shape.taken_up(start.numbers, self.count)
         self.sites.array[:width] = self._planes(numbers).array
         if self.adaptive:
-            clock, beyond = self.clocks[:, 0], self.clocks[TIME, 0] != self.begun
+            clock, beyond = self.clocks[:, 0], self.clocks[TIME, 0] != self.t_start
             if not beyond:
                 clock[:] = start.clock
                 clock[[TAKEN, REJECTED, MARK]] = 0.0
-                if clock[STEP] * (self.t_end - self.begun) < 0.0:
+                if clock[STEP] * (self.t_end - self.t_start) < 0.0:
                     clock[STEP] = -clock[STEP]
 
     def executing(self, execution: SiteExecution) -> SiteExecution:
@@ -246,8 +226,8 @@ class SiteRun(Course):
     def shown(self) -> int:
         if not self.adaptive:
             return self.most
-        span = self.t_end - self.begun
-        return int(1000 * (self.clocks[TIME, 0] - self.begun) / span) if span else 1000
+        span = self.t_end - self.t_start
+        return int(1000 * (self.clocks[TIME, 0] - self.t_start) / span) if span else 1000
 
     @property
     def worth_saving(self) -> bool:
@@ -274,7 +254,7 @@ class SiteRun(Course):
 
     def require_ends(self) -> None:
         t = self.clocks.item(TIME, 0)
-        if self.adaptive and t != self.t_end and self.ended is None:
+        if self.adaptive and t != self.t_end and self.ended_by is None:
             raise self._with_run(too_many(self.steps, t, self.t_end), None)
 
     def so_far(self) -> str:
@@ -324,14 +304,14 @@ class SiteRun(Course):
         """Are there more steps to make?"""
         t, taken = self.clocks[TIME, 0], self.clocks[TAKEN, 0]
         at_end = (t == self.t_end) if self.adaptive else False
-        return self.ended is None and not at_end and bool(taken < self.goals[LIMIT, 0])
+        return self.ended_by is None and not at_end and bool(taken < self.goals[LIMIT, 0])
 
     @property
     def _pending(self) -> bool:
         """Is something to be looked at where the run stands?"""
         if self.steps_seen is not None:
-            return self.ended is None and self.steps_seen.fresh
-        return self.ended is None and bool(self.samples.due == self.clocks[TIME, 0])
+            return self.ended_by is None and self.steps_seen.fresh
+        return self.ended_by is None and bool(self.samples.due == self.clocks[TIME, 0])
 
     def _call(self, turns: int) -> None:
         """Some more steps, up to where something is to be looked at."""
@@ -352,7 +332,7 @@ class SiteRun(Course):
     def _steps(self, turns: int, samples: Any) -> None:
         """Some more steps by the driver, which writes these samples."""
         shape, stepping = self.shape, self.executing(self.shape.stepping)
-        seen, totals, times = samples.ahead(np.copysign(np.inf, self.begun - self.t_end))
+        seen, totals, times = samples.ahead(np.copysign(np.inf, self.t_start - self.t_end))
         left = LONG if self.adaptive else self.first + self.steps - self.taken
         arguments: Any = shape.procedure, self.site, turns, self.sites, seen
         shared, arrays = [totals, times, self.march], [self.goals, self.place, self.clocks, self.out]
@@ -401,17 +381,17 @@ class SiteRun(Course):
                 beside.samples = EndsOfSteps(self.shape, self.count, room)
         return beside
 
-    def _stepped(self, rows: np.ndarray, begun: float, end: float) -> tuple[np.ndarray, np.ndarray]:
+    def _stepped(self, rows: np.ndarray, begin: float, end: float) -> tuple[np.ndarray, np.ndarray]:
         """The states of all sites, (width, sites), and the totals after one step from others, from one time to another: of
         a run beside this one.
         """
         if self.bench is None:
             self.bench = self._beside(1)
             self.bench.first, self.bench.steps = 0, 1
-        bench, h = self.bench, end - begun
-        bench.begun, bench.h = begun, h
-        bench.samples.times[:], bench.samples.made = begun + h, 0
-        bench._set_out(begun, h, 0, 1)
+        bench, h = self.bench, end - begin
+        bench.t_start, bench.h = begin, h
+        bench.samples.times[:], bench.samples.made = begin + h, 0
+        bench._set_out(begin, h, 0, 1)
         bench._blank()
         try:
             bench._begin_at(rows)
@@ -441,7 +421,7 @@ class SiteRun(Course):
         """Look at what the driver has come to a stand for."""
         clock, step_begin, samples = self.clocks[:, 0], self.march.item(3), self.samples
         t = float(clock[TIME])
-        if self.ended is not None:
+        if self.ended_by is not None:
             return
         while self.steps_seen is None and (samples.due - t) * (t - step_begin) < 0.0:
             samples.keep(*self.looked(samples.due, step_begin, t))
@@ -449,8 +429,8 @@ class SiteRun(Course):
             self._fail()
         elif self.adaptive and self.failures and self._hopeless:
             raise self._too_small(self.failures[-1])
-        elif self.left and t == self.goals[LAST_TIME, 0] and t != self.t_end:
-            beyond_jump(clock, self.goals[:, 0], self.left, self.t_end)
+        elif self.jumps_ahead and t == self.goals[LAST_TIME, 0] and t != self.t_end:
+            beyond_jump(clock, self.goals[:, 0], self.jumps_ahead, self.t_end)
 
     def _look_at_all(self, first: int, rows: np.ndarray) -> None:
         """The functions of all sites together that are recorded, at some more samples, (samples, width, sites): in
@@ -468,11 +448,11 @@ class SiteRun(Course):
                 del self.of_all[name][first + k :]
                 self.of_all[name].append(value)
 
-    def looked(self, at: float, begun: float, end: float) -> tuple[np.ndarray, np.ndarray]:
+    def looked(self, at: float, begin: float, end: float) -> tuple[np.ndarray, np.ndarray]:
         """The states of all sites at a time in the last step, (width, sites), and the totals of what is recorded."""
         if self.adaptive:
-            return self._on_the_way(self.sites, Moment(at, (at - begun) / (end - begun), float(self._copy)))
-        return self._stepped(self.shape.shown_rows(self._in_copy(1 - self._copy)), begun, at)
+            return self._on_the_way(self.sites, Moment(at, (at - begin) / (end - begin), float(self._copy)))
+        return self._stepped(self.shape.shown_rows(self._in_copy(1 - self._copy)), begin, at)
 
     def _on_the_way(self, sites: Planes, moment: Moment) -> tuple[np.ndarray, np.ndarray]:
         """The states of all sites and the totals inside of an adaptive step.  sites : the memory at its ends."""
@@ -510,14 +490,14 @@ class SiteRun(Course):
         self._steps(min(turns, ends.room), ends)
         return ends.times[: ends.made], ends.rows, ends.totals[: ends.made]
 
-    def inside_step(self, pair: np.ndarray, begun: float, end: float, at: float) -> tuple[np.ndarray, np.ndarray]:
+    def inside_step(self, pair: np.ndarray, begin: float, end: float, at: float) -> tuple[np.ndarray, np.ndarray]:
         """The states of all sites, (width, sites), and the totals inside of a step.  pair : what is kept of its ends."""
         if self.shape.watched:  # the pair is still where the step has put it
-            return self.looked(at, begun, end)
+            return self.looked(at, begin, end)
         if not self.adaptive:
-            return self._stepped(pair[0], begun, at)
+            return self._stepped(pair[0], begin, at)
         sites = Planes(rows_of(pair.reshape(-1, self.count)), self.count)
-        return self._on_the_way(sites, Moment(at, (at - begun) / (end - begun), 1.0))
+        return self._on_the_way(sites, Moment(at, (at - begin) / (end - begin), 1.0))
 
     def seen(self, rows: np.ndarray) -> np.ndarray:
         """The states of all sites, (..., width, sites), of what is kept of steps."""
@@ -555,131 +535,9 @@ class SiteRun(Course):
 
     # ---------------------------------------------------------------- what came of it
 
-    @property
-    def _everyone(self) -> OverSites:
-        """The method of one site as that of all."""
-        return OverSites(self.shape.method, self.sites, self.shape.memory, self.march)
-
     def tell(self, made: Any) -> None:
         if self.events is not None:
             self.events.tell()
-
-    def _fail(self) -> None:
-        """A step that could not be made: plain Python says why, of the site that native code has noted.
-        It ends a run of fixed steps; adaptive ones become shorter.
-        """
-        clock, goal = self.clocks[:, 0], self.goals[:, 0]
-        steps, t, here = self.taken, float(clock[TIME]), self._copy
-        failures = [e for e in self.failures if e is not None]
-        at = f"step {steps + 1} of {self.first + self.steps}, t = {t:g}"
-        site = self.site
-        if self.shape.ending is not None:
-            site = during(site, t, self.h, self.shape.ending.beyond)
-        arguments: Any = self._everyone, site, t, self.h, here, 1 - here
-        if not self.adaptive:
-            error = self._why(failures, self.notes, lambda i: one_site(self.count, i, one_step, *arguments))
-            raise self._ended(self._overflowed(self._origin(error, t)), at)
-        if clock[MARK] == STUCK and clock[ANEW] == 0.0:
-            error = failures[-1] if failures else None
-            raise (self._ended(error, f"step {steps + 1}, t = {t:g}") if is_mistake(error) else self._too_small(error))
-        h = 0.0 if clock[ANEW] else to_try(t, clock.item(STEP), goal.item(0), goal.item(3))[0]
-        again: Any = *arguments[:3], h, here
-        error = self._why(failures, self.notes, lambda i: one_site(self.count, i, one_remake, *again))
-        if h == 0.0 or is_mistake(error):
-            where = f"step {steps + 1}, t = {t:g}" if steps else f"at the start, t = {t:g}"
-            raise self._ended(error, where)
-        clock[MARK], self.failures = 0.0, [error]
-
-        def failing(*given: Any) -> Any:
-            raise error
-
-        method = self.shape.method
-        stub: Any = SimpleNamespace(error_order=method.error_order, shortens=method.shortens, trial=failing)
-        columns = [x.reshape(-1) for x in (self.goals, self.place, self.clocks, self.out)]
-        arguments_of_control = self.site, self.shape.procedure.control, self.shape.procedure.place, ROW, 1, 1
-        driver: Any = advance
-        driver(stub, *arguments_of_control, *columns, self.failures)
-        if clock[MARK] == STUCK or self._hopeless:
-            raise self._too_small(error)
-
-    @property
-    def _hopeless(self) -> bool:
-        """Did steps fail that were no longer than rounding of the whole time?"""
-        return bool(abs(self.clocks[STEP, 0]) <= EPSILON * abs(self.t_end - self.begun))
-
-    def _why(self, failures: list[Any], first: int, again: Any) -> Any:
-        """The error that the formula of a site raises.  first : of those among which it is; -1 if all have
-        failed together, or nobody knows.
-        """
-        if failures:
-            return failures[-1]
-        near = range(max(0, first), min(self.count, max(0, first) + kernel.lanes()))
-        for i in near if first >= 0 or self.count <= FEW else ():
-            try:
-                again(i)
-            except TooManySites:
-                first = -1
-                break
-            except Exception as error:
-                return error
-        if first < 0:
-            return NoConvergence(
-                f"{self.plan.method!r}: what all sites have in common failed, such as an iteration that "
-                f"does not settle. The step h = {self.h:g} may be too large; try {0.25 * self.h:g}"
-            )
-        return None
-
-    def _overflowed(self, error: Any) -> Any:
-        """The error, with the first site whose numbers overflowed, where all sites failed together."""
-        if self.overflowed is not None and isinstance(error, NoConvergence) and not hasattr(error, "site"):
-            error.site = self.overflowed  # type: ignore[attr-defined]
-        return error
-
-    def _origin(self, error: Any, t: float) -> Any:
-        """The error of the first site whose own velocity is not finite before the step that failed: in
-        the stages of a step that goes over to its neighbours.
-        """
-        near = getattr(error, "site", None)
-        some = range(self.count)
-        if self.count > FEW:
-            some = range(0) if near is None else some[max(0, near - AROUND) : near + AROUND]
-        arguments: Any = self._everyone, self.site, t, self._copy
-        if isinstance(error, (NotFinite, NoConvergence)):
-            for i in some:
-                try:
-                    one_site(self.count, i, one_rate, *arguments)
-                except TooManySites:
-                    break
-                except Exception as found:
-                    return found
-        return error
-
-    def _too_small(self, error: Any) -> Any:
-        """The error of a run whose steps became too small."""
-        clock, goal = self.clocks[:, 0].tolist(), self.goals[:, 0].tolist()
-        estimate = self.march.item(0)
-        site = getattr(error, "site", None)
-        what = repr(self.plan.method) if site is None else f"{self.plan.method!r}: site {site}"
-        failure_of_step = too_small(what, clock[TIME], clock[STEP], goal[1], goal[2], self.taken, error, estimate)
-        return self._with_run(failure_of_step, site)
-
-    def _ended(self, error: Any, at: str) -> Any:
-        """The error of a run whose step failed, with what there is of it."""
-        site = getattr(error, "site", None)
-        system = self.plan._one
-        named = getattr(getattr(system, "configurations", system.group), "named", str)
-        beside = getattr(error, "beside", None)
-        if site is not None:
-            which = f"site {named(site)}" if beside is None else f"sites {named(site)} and {named(beside)}"
-            at = f"{which}, {at}"
-        return self._with_run(told(error, self.plan.method, at, lambda: self.samples.made), site)
-
-    def _with_run(self, error: Any, site: int | None) -> Any:
-        """An error with the run up to it."""
-        error.site = site
-        if self.samples.made:
-            error.trajectory = of_run(self)
-        return error
 
     def recorded(self, n: int) -> dict[str, np.ndarray]:
         """Functions of all sites together that are recorded, at the first n samples."""
@@ -689,9 +547,9 @@ class SiteRun(Course):
         """Fields of the trajectory that depend on the control."""
         h, rejected = self.h, None
         if self.adaptive:
-            h = float((self.clocks[TIME, 0] - self.begun) / max(1, self.most))
+            h = float((self.clocks[TIME, 0] - self.t_start) / max(1, self.most))
             rejected = int(self.clocks[REJECTED, 0])
-        fields = {"h": h, "rejected": rejected, "breaks": self.way.breaks}
+        fields = {"h": h, "rejected": rejected, "breaks": self.prepared.breaks}
         if self.dense:
             from .between import SitesDense
 
@@ -712,7 +570,7 @@ class SiteRun(Course):
 
     def carry(self, memory: np.ndarray, clock: np.ndarray, met: Any) -> Any:
         """With what a run goes on; nothing where fixed steps were ended inside of one."""
-        if self.ended is not None and not self.adaptive:
+        if self.ended_by is not None and not self.adaptive:
             return None
         state = state_of_rows(self.shape.state, self.shape.shown_rows(memory))
         state = as_users_see(self.plan._one, state)
@@ -720,7 +578,7 @@ class SiteRun(Course):
         if not self.adaptive:
             return SiteCarry(self.t0, self.h, int(clock[TAKEN]), numbers, state, met=met)
         clock[MARK] = 0.0
-        return SiteCarry(float(clock[TIME]), 0.0, 0, numbers, state, met, clock, self.ended)
+        return SiteCarry(float(clock[TIME]), 0.0, 0, numbers, state, met, clock, self.ended_by)
 
 
 def require_fitting(site: Any, count: int) -> None:
