@@ -495,8 +495,9 @@ class Plan:
         Raises what `integrate` and `tangent` do.
         """
         from ..rooms.derivatives.gradient import backwards
+        from ..rooms.derivatives.losses import Asked
 
-        return backwards(self, "gradient", start, steps, t_end, t0, by, every, loss, along)
+        return backwards(self, "gradient", start, steps, t_end, t0, by, Asked(every, loss, along))
 
     def pullback(
         self,
@@ -519,8 +520,9 @@ class Plan:
         by, and what is returned and raised : as of `gradient`; `value` is None.
         """
         from ..rooms.derivatives.gradient import backwards
+        from ..rooms.derivatives.losses import Asked
 
-        return backwards(self, "pullback", start, steps, t_end, t0, by, every, cotangent=cotangent)
+        return backwards(self, "pullback", start, steps, t_end, t0, by, Asked(every, cotangent=cotangent))
 
     def _of_body(self, i: int) -> Plan:
         """The plan of body i alone, with its own parameters."""

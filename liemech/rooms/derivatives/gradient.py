@@ -16,7 +16,7 @@ from ...simulation import arguments
 from ...simulation.result import of_some
 from ...simulation.trajectory import Trajectory
 from ...systems.system import State, member
-from .losses import Loss, Objective
+from .losses import Asked, Loss, Objective
 from .of_sites.pullback import goes_by_sites, gradient_by_sites
 from .tangent import derived, in_steps
 from .through_blocks import Backward, prepared
@@ -49,10 +49,7 @@ class Gradient:
 # ------------------------------------------------------------------ what is asked for
 
 
-def backwards(
-    plan: Any, what: str, start: Any, steps: Any, t_end: Any, t0: Any, by: Any, every: Any,
-    loss: Any = None, along: Any = None, cotangent: Any = None,
-) -> Gradient:  # fmt: skip
+def backwards(plan: Any, what: str, start: Any, steps: Any, t_end: Any, t0: Any, by: Any, asked: Asked) -> Gradient:
     """The gradient of a loss, or by a cotangent, of `Plan.gradient` and `Plan.pullback`: what is asked
     for is checked, and the kind of the run found.
     """
@@ -60,13 +57,12 @@ def backwards(
         other = "records no functions of the state" if plan.recorder else "looks for no events"
         raise InvalidInput(f"Plan.{what} is of states at the ends of steps; make a plan that {other}")
     t0, names = arguments.real(t0, "t0"), arguments.parameters(by, f"Plan.{what}")
-    if every is not None:
-        every = arguments.count(every, "every", 1)
-    elif along is not None:
-        every = plan.options.every
-    asked = every, loss, along, cotangent
-    if plan._sites is not None and goes_by_sites(plan, start, names, loss, along):
-        value, by_name, run, growth = gradient_by_sites(plan, what, start, steps, t_end, t0, names, *asked)
+    if asked.every is not None:
+        asked = asked._replace(every=arguments.count(asked.every, "every", 1))
+    elif asked.along is not None:
+        asked = asked._replace(every=plan.options.every)
+    if plan._sites is not None and goes_by_sites(plan, start, names, asked.loss, asked.along):
+        value, by_name, run, growth = gradient_by_sites(plan, what, start, steps, t_end, t0, names, asked)
         if growth is not None:
             tell(growth)
         return Gradient(value, by_name, run, growth)
@@ -82,30 +78,25 @@ def backwards(
         )
     with plan._beginning(start, t0):
         if not plan.adaptive:
-            return gradient_of(plan, start, plan._count(steps, t_end, t0), t0, names, *asked)
+            return gradient_of(plan, start, plan._count(steps, t_end, t0), t0, names, asked)
         if start.bodies is not None:
-            return of_each_body(plan, what, start, steps, t_end, t0, names, *asked)
-        return adaptive_gradient_of(plan._of_body(0), start, steps, t_end, t0, names, *asked)
+            return of_each_body(plan, what, start, steps, t_end, t0, names, asked)
+        return adaptive_gradient_of(plan._of_body(0), start, steps, t_end, t0, names, asked)
 
 
 def gradient_of(
-    plan: Any, start: State, steps: int, t0: float, names: tuple[str, ...], every: int | None,
-    loss: Any, along: Any, cotangent: Any, run: Any = None,
-) -> Gradient:  # fmt: skip
+    plan: Any, start: State, steps: int, t0: float, names: tuple[str, ...], asked: Asked, run: Any = None
+) -> Gradient:
     """The derivative of a loss, or of the product of a cotangent with the run, by the named parameters.
 
-    start : with the parts that the run needs.  every : between the samples that count; None for the last
-    state only.  run : by an error estimate; of fixed steps it is made here.
+    start : with the parts that the run needs.  run : by an error estimate; of fixed steps it is made here.
     """
     with derived(plan, "gradient"):
         known = prepared(plan, start.bodies, member(start, 0), names, t0, run is None)
-    forward = known.forward(plan, start, steps, t0, every, run)
-    samples = (forward.edges % (every or 1) == 0) | (forward.edges == steps)
-    objective = Objective(forward.run, forward.states, forward.example, samples if every else None)
-    if cotangent is not None:
-        objective.by_cotangent(cotangent)
-    else:
-        objective.by_losses(loss, along, plan.options.compiled)
+    forward = known.forward(plan, start, steps, t0, asked.every, run)
+    samples = (forward.edges % (asked.every or 1) == 0) | (forward.edges == steps)
+    objective = Objective(forward.run, forward.states, forward.example, samples if asked.every else None)
+    objective.find(asked, plan.options.compiled)
     back = Backward(forward, known, objective.by_states)
     with derived(plan, "gradient"):
         back.go()
@@ -139,24 +130,22 @@ def digits(growth: float) -> int:
 
 
 def adaptive_gradient_of(
-    plan: Any, start: State, steps: Any, t_end: Any, t0: float, names: tuple[str, ...], *asked: Any
+    plan: Any, start: State, steps: Any, t_end: Any, t0: float, names: tuple[str, ...], asked: Asked
 ) -> Gradient:
     """The gradient of a run of one body by an error estimate, the lengths of its steps held fixed."""
     if "h" in names:
         raise InvalidInput("Plan.gradient: h is for fixed steps; the lengths of adaptive ones are held fixed")
     run = plan._in_pieces(start, t0, steps, t_end, None, None)
-    every, loss, along, cotangent = asked
-    return gradient_of(in_steps(plan, run.t), start, len(run.t) - 1, 0.0, names, every, loss, along, cotangent, run)
+    return gradient_of(in_steps(plan, run.t), start, len(run.t) - 1, 0.0, names, asked, run)
 
 
 def of_each_body(
-    plan: Any, what: str, start: State, steps: Any, t_end: Any, t0: float, names: tuple[str, ...],
-    every: Any, loss: Any, along: Any, cotangent: Any,
-) -> Gradient:  # fmt: skip
+    plan: Any, what: str, start: State, steps: Any, t_end: Any, t0: float, names: tuple[str, ...], asked: Asked
+) -> Gradient:
     """The gradient of an ensemble by an error estimate, whose bodies have steps of their own: one after
     another.
     """
-    many = start.bodies or 1
+    many, (every, loss, along, cotangent) = start.bodies or 1, asked
     if cotangent is not None and every is not None:
         raise IncompatibleSystem(
             f"Plan.{what}: with adaptive steps each body has samples of its own: leave out every, "
@@ -173,9 +162,9 @@ def of_each_body(
     gradients = []
     for i, end in enumerate(arguments.ends(t_end, many)):
         parts: Any = {n: x if x is None else np.asarray(x)[i] for n, x in rows.items()}
-        asked = *(x if x is None else x.of(i) for x in losses), parts if isinstance(cotangent, dict) else parts[""]
-        of_body = plan._of_body(i), member(start, i)
-        gradients.append(adaptive_gradient_of(*of_body, steps, end, t0, names, every, *asked))
+        of_body = *(x if x is None else x.of(i) for x in losses), parts if isinstance(cotangent, dict) else parts[""]
+        asked = Asked(every, *of_body)
+        gradients.append(adaptive_gradient_of(plan._of_body(i), member(start, i), steps, end, t0, names, asked))
     gradient = {}
     for name in names:
         each = np.stack([one[name] for one in gradients])

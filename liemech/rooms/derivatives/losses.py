@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,6 +27,15 @@ AT_ONCE = 2**12
 """States of bodies or sites whose directions are in memory at once, if those of one sample are no more."""
 
 
+class Asked(NamedTuple):
+    """Of a gradient the loss and the running cost, or the cotangent, at samples after `every` steps; None: the last."""
+
+    every: int | None
+    loss: Any = None
+    along: Any = None
+    cotangent: Any = None
+
+
 class Objective:
     """A number that depends on the states of a run at some of its samples, and its derivatives by them.
 
@@ -45,10 +54,13 @@ class Objective:
         self.value: float | None = None
         self.by_states = np.zeros((len(states.numbers), states.many, states.frames.count))
 
-    def by_losses(self, loss: Any, along: Any, compiled: Any) -> None:
-        """Set it to a loss, a function of the end, and the sum of a running cost over the samples."""
+    def find(self, asked: Asked, compiled: bool | None) -> None:
+        """Set it to a loss, a function of the end, and the sum of a running cost over the samples; or to a cotangent."""
+        if asked.cotangent is not None:
+            self.by_cotangent(asked.cotangent)
+            return
         states, sums = self.states, []
-        for given, name, where in ((loss, "loss", self.end), (along, "along", self.samples)):
+        for given, name, where in ((asked.loss, "loss", self.end), (asked.along, "along", self.samples)):
             if name == "along" and given is None:
                 continue
             function = Loss(given, name, self.run.bodies if self.by_site is None else None)

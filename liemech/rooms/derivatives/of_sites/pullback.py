@@ -14,35 +14,33 @@ from ....formulas.classes.of_each import Each
 from ....simulation.compiled.parameters import full_name, parameter
 from ...sites.runs.states import first_of
 from ..frames import Frames, StatesInFrames
-from ..losses import Objective, arguments_of
+from ..losses import Asked, Objective, arguments_of
 from .adaptive import steps_of, with_samples
 from .adjoint import BackwardRun
 from .parameters import terms_of_sites
 
 
 def gradient_by_sites(
-    plan: Any, what: str, start: Any, steps: Any, t_end: Any, t0: float, names: tuple[str, ...],
-    every: int | None, loss: Any, along: Any, cotangent: Any,
-) -> tuple[float | None, dict[str, np.ndarray], Any, float | None]:  # fmt: skip
+    plan: Any, what: str, start: Any, steps: Any, t_end: Any, t0: float, names: tuple[str, ...], asked: Asked
+) -> tuple[float | None, dict[str, np.ndarray], Any, float | None]:
     """A loss, its derivatives by "start" and by parameters of terms, the run, and |J^T w|/|w| where w is felt
     at the end alone; or of a cotangent.
 
-    every : between the samples that count; None for the last state only.  loss, along : sums over the
-    sites of functions of one, `lambda site: ...`.  cotangent : (N,) in the components of tangent maps, or by
-    the parts of the state, {"mu": (sites, dim), "g": (sites, n, n)}; with an axis of samples in front
-    where there is an `every`.  Raises InvalidInput for other shapes.
+    asked : loss and cost are sums over the sites of functions of one, `lambda site: ...`; the cotangent is (N,) in the
+    components of tangent maps, or by the parts of the state, {"mu": (sites, dim), "g": (sites, n, n)}; with an axis
+    of samples in front where there is an `every`.  Raises InvalidInput for other shapes.
     """
     if start.bodies is not None:
         raise IncompatibleSystem(f"Plan.{what}: many sites go member by member: give one start at a time")
     state, ends = plan._sites.started(plan, start, t0), None
-    asked = {"steps": steps, "t_end": t_end, "t0": t0}
+    length = {"steps": steps, "t_end": t_end, "t0": t0}
     adaptive = plan if plan.adaptive else None
     if plan.adaptive:
         plan, ends, _ = steps_of(plan._sites, state, steps, t_end, t0)
         steps, t0 = len(ends) - 1, 0.0
     else:
         steps = plan._count(steps, t_end, t0)
-    between = every or max(1, steps)
+    between = asked.every or max(1, steps)
     shown = with_samples(plan, between)
     others = tuple(n for n in names if n != "start")
     try:
@@ -51,7 +49,7 @@ def gradient_by_sites(
         if others:
             raise
         back = None
-    for name, function in (("loss", loss), ("along", along)):
+    for name, function in (("loss", asked.loss), ("along", asked.along)):
         if function is not None and not of_site(function):
             raise IncompatibleSystem(
                 f"Plan.{what}: the {name} of many sites is the sum of a function of one, {name}=lambda site: "
@@ -64,16 +62,13 @@ def gradient_by_sites(
         run = replace(run, t=ends[numbers])
     arrays, first = plan._one.by_site(run.states), first_of(state)
     states = StatesInFrames(Frames(sites.site, first), arrays)
-    several = every is not None and (along is not None or cotangent is not None)
+    several = asked.every is not None and (asked.along is not None or asked.cotangent is not None)
     objective = Objective(run, states, first, np.ones(len(numbers), dtype=bool) if several else None, plan._one.by_site)
-    if cotangent is not None:
-        objective.by_cotangent(cotangent)
-    else:
-        objective.by_losses(loss, along, plan.options.compiled)
+    objective.find(asked, plan.options.compiled)
     rows = states.frames.in_a_row(objective.by_states[objective.samples])
     cotangents = {numbers[k]: row for k, row in zip(objective.samples.tolist(), rows)}
     if back is None:
-        by = {"start": _by_directions(plan, adaptive, start, asked, cotangents)}
+        by = {"start": _by_directions(plan, adaptive, start, length, cotangents)}
     else:
         by_start, by = back.back(cotangents)
         by["start"] = by_start
@@ -83,11 +78,11 @@ def gradient_by_sites(
 
 
 def _by_directions(
-    plan: Any, adaptive: Any, start: Any, asked: dict[str, Any], cotangents: dict[int, Any]
+    plan: Any, adaptive: Any, start: Any, length: dict[str, Any], cotangents: dict[int, Any]
 ) -> np.ndarray:
     """The sum of J^T w, for which every direction of the start makes a run.
 
-    plan : of fixed steps.  adaptive : the plan whose run they repeat, if there is one; asked : of that run.
+    plan : of fixed steps.  adaptive : the plan whose run they repeat, if there is one; length : of that run.
     """
     if adaptive is not None and len(cotangents) > 1:
         raise IncompatibleSystem(
@@ -96,8 +91,8 @@ def _by_directions(
     by_start: Any = 0.0
     for n, w in cotangents.items():
         shown = plan.replace(every=max(1, n)) if adaptive is None else adaptive
-        length = {"steps": n, "t0": asked["t0"]} if adaptive is None else asked
-        by_start = by_start + shown.tangent(start, **length, against=w).tangent["against"][-1]
+        until = {"steps": n, "t0": length["t0"]} if adaptive is None else length
+        by_start = by_start + shown.tangent(start, **until, against=w).tangent["against"][-1]
     return np.asarray(by_start)
 
 
