@@ -13,7 +13,7 @@ from ...compiler.driver import attempt, read
 from ...compiler.kernel import Several
 from ...errors import InvalidInput, InvalidType
 from ...formulas import Record
-from ...formulas.classes.layouts import NUMBER, layout_of
+from ...formulas.classes.layouts import layout_of
 from ...formulas.numbers.conversions import fitted
 from ...formulas.numbers.dual import Dual
 from ...simulation import arguments
@@ -148,25 +148,25 @@ class Loss:
         t : (n,) times, or (n, bodies).  numbers : (n, bodies, width).  frames : (n, bodies, N, width).
         """
         n, bodies, count, width = frames.shape
-        rows = np.empty((n, bodies, count, 2 * width + 1))
-        rows[..., 0:-1:2], rows[..., 1::2] = numbers[:, :, None], frames
-        rows[..., -1] = t.reshape(n, -1, 1)
-        point = layout_of(dual_of(example))
+        timed = int(self.timed)
+        rows = np.empty((n, bodies, count, timed + 2 * width))
+        rows[..., :timed] = t.reshape(n, -1, 1, 1)
+        rows[..., timed::2], rows[..., timed + 1 :: 2] = numbers[:, :, None], frames
+        point = layout_of((0.0, dual_of(example))[1 - timed :])
         self._checked(example, t.item(0))
         duals = np.empty((n, bodies, count, 2))
         first = self.functions[0]
         one_form = self.each and all(isinstance(f, Record) and layout_of(f) == layout_of(first) for f in self.functions)
-        driver = sloping_in_time if self.timed else sloping
         what = f"Plan.gradient: {self.name}", lambda k: "at a sample"
         if one_form:
             several, body = Several.of(self.functions, bodies), np.tile(np.repeat(np.arange(bodies), count), n)
-            pairs = evaluated(driver, (several, point), rows.reshape(-1, rows.shape[-1]), 2, compiled, what, body)
+            pairs = evaluated(sloping, (several, point), rows.reshape(-1, rows.shape[-1]), 2, compiled, what, body)
             duals[:] = pairs.reshape(duals.shape)
         else:
             for i in range(len(self.functions)):
                 of_body = slice(i, i + 1) if self.each else slice(None)
                 numbers_of_body = rows[:, of_body].reshape(-1, rows.shape[-1])
-                pairs = evaluated(driver, (self.functions[i], point), numbers_of_body, 2, compiled, what)
+                pairs = evaluated(sloping, (self.functions[i], point), numbers_of_body, 2, compiled, what)
                 duals[:, of_body] = pairs.reshape(duals[:, of_body].shape)
         return duals[:, :, 0, 0], duals[..., 1]
 
@@ -192,14 +192,8 @@ def arguments_of(function: Any) -> list[str]:
 
 
 def sloping(function: Any, point: Any, given: Any, out: Any, failures: Any) -> None:
-    """The driver: a function of a state that carries a derivative."""
-    report(attempt(carried, function, read(given, 0, point)), VALUE, out, failures)
-
-
-def sloping_in_time(function: Any, point: Any, given: Any, out: Any, failures: Any) -> None:
-    """The driver: a function of a time, behind the state, and of a state that carries a derivative."""
-    t = read(given, point.width, NUMBER)
-    report(attempt(carried, function, t, read(given, 0, point)), VALUE, out, failures)
+    """The driver: a function of a state that carries a derivative, or of a time and the state."""
+    report(attempt(carried, function, *read(given, 0, point)), VALUE, out, failures)
 
 
 def carried(function: Callable[..., Any], *given: Any) -> Any:

@@ -118,7 +118,7 @@ class PoissonHamiltonJacobi(Implicit):
         structure, dH, middle = system.structure, gradient_of(system), t + 0.5 * h
         y, mean = plain(memory.state.y), extrapolated(*memory.past)
         if isinstance(structure, LogCanonical):
-            dH_u, origin = by_logarithms(system, y), vec(*[logarithm(c) for c in y])
+            dH_u, origin = by_logarithms(system, y), vec(*[log_from_start(c) for c in y])
             change, mean = self.change(structure.of_logarithms, dH_u, middle, origin, mean, h, (len(y),), vec(1.0))
             change = y * vec(*[expm1(c) for c in change])
         else:
@@ -164,7 +164,7 @@ def gradient_of(system: Any) -> Any:
     return lambda t, y: system.gradient(y)
 
 
-def logarithm(y: Any) -> float:
+def log_from_start(y: Any) -> float:
     """log(y/y_0) for the value y_0 of y: zero, but for derivatives that y carries; zero of y = 0."""
     if not isinstance(y, Dual):
         return 0.0
