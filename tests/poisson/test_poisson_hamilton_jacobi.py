@@ -373,14 +373,19 @@ def test_derivatives_of_runs() -> None:
     assert back == pytest.approx(D.T @ [0.3, -1.0, 0.5], rel=1e-13)
 
 
-def test_derivatives_of_order_6_in_logarithms() -> None:
-    """Of a Poisson map of the plane, det D b(y_0) = b(y_1), b = u v.  A start with derivatives is no factor of a series."""
-    species = lm.models.LotkaVolterra()
-    run = lm.Plan(species, lm.PoissonHamiltonJacobi(6), h=0.2, compiled=False).tangent(
-        species.state([1.5, 1.0]), steps=1
-    )
+@pytest.mark.parametrize("order", [2, 6])
+def test_derivatives_in_logarithms(order: int) -> None:
+    """Of a Poisson map of the plane, det D b(y_0) = b(y_1), b = u v; that is so for factors of u and v alone, too, and
+    differences of steps, of order 4, tell D.
+    """
+    species, e = lm.models.LotkaVolterra(), 1e-3
+    plan = lm.Plan(species, lm.PoissonHamiltonJacobi(order), h=0.2, compiled=False)
+    run = plan.tangent(species.state([1.5, 1.0]), steps=1)
     D, y = run.tangent["start"][-1], np.array(run.last.y)
     assert np.linalg.det(D) * 1.5 == pytest.approx(y[0] * y[1], rel=2e-15)
+    move = np.array([e, -2.0 * e])
+    ends = [np.array(plan.run(species.state([1.5, 1.0] + k * move), steps=1).last.y) for k in (-2, -1, 1, 2)]
+    assert D @ move == pytest.approx((ends[0] - 8.0 * ends[1] + 8.0 * ends[2] - ends[3]) / 12.0, abs=1e-10 * e)
 
 
 @lm.record
