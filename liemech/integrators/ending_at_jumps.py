@@ -128,16 +128,14 @@ class EndingAtJumps(Wrapping):
         """The steps from jump to jump; of another length than h a method that remembers begins
         anew, and after them once more.
         """
-        at, end, lasting, going = t, t + h, h, True
+        at, lasting, going = t, h, True
         cut = self.is_cut(system, t, h) if self.method.joins else False
         while going:
-            to = self.next_end(system, at, end)
-            begin, s = self.kept_away(at, to, where(at == t and to == end, h, to - at))
+            at, begin, s, going = self.next_part(system, t, h, at)
             if self.anew:
                 memory, lasting = self._begun(system, memory, cut or lasting != s, s), s
             after = self.method.step(during(system, begin, s, self.beyond), begin, memory, s)
             memory = fitted(after, layout_of(memory))  # constant entries of poses carry no rest
-            at, going = to, where(h > 0.0, to < end, to > end)
         return self._begun(system, memory, cut or lasting != h, h) if self.anew else memory
 
     def is_cut(self, system: Any, t: float, h: float) -> bool:
@@ -148,12 +146,10 @@ class EndingAtJumps(Wrapping):
 
     def parts(self, system: Any, t: float, h: float) -> list[tuple[float, float]]:
         """Where the parts of a step begin, and their lengths, outside of formulas."""
-        at, end = t, t + h
-        parts: list[tuple[float, float]] = []
-        while (end - at) * h > 0.0:
-            to = self.next_end(system, at, end)
-            parts.append(self.kept_away(at, to, h if at == t and to == end else to - at))
-            at = to
+        at, going, parts = t, (t + h - t) * h > 0.0, []
+        while going:
+            at, begin, s, going = self.next_part(system, t, h, at)
+            parts.append((begin, s))
         return parts
 
     def _begun(self, system: Any, memory: Any, anew: bool, h: float) -> Any:
@@ -162,6 +158,13 @@ class EndingAtJumps(Wrapping):
             first = self.method.start(system, self.method.observe(memory), h)
             memory = fitted(first, layout_of(memory))  # numbers that carry a derivative go on with it
         return memory
+
+    def next_part(self, system: Any, t: float, h: float, at: float) -> tuple[float, float, float, Any]:
+        """Of the part of a step, t to t + h, from `at` on: its end; begin and length of its step; do others follow it?"""
+        end = t + h
+        to = self.next_end(system, at, end)
+        begin, s = self.kept_away(at, to, where(at == t and to == end, h, to - at))
+        return to, begin, s, where(h > 0.0, to < end, to > end)
 
     def next_end(self, system: Any, t: float, end: float) -> float:
         """Where the next step ends: at the first jump after t, or at `end`."""

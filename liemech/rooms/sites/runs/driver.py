@@ -169,17 +169,15 @@ class OverSitesToJumps(OverSites):
     def step(self, system: Any, t: float, place: Place, h: float) -> Place:
         """A step of all sites from jump to jump, as that of one body in `EndingAtJumps`."""
         here, there = place.copy, 1 - place.copy
-        at, end, lasting, to_copy, going = t, t + h, h, SPARE, True
+        at, lasting, to_copy, going = t, h, SPARE, True
         while going:
-            to = self.ending.next_end(system, at, end)
-            begin, s = self.ending.kept_away(at, to, where(at == t and to == end, h, to - at))
+            at, begin, s, going = self.ending.next_part(system, t, h, at)
             if self.ending.anew:
                 self._begin_anew(system, here, lasting, s)
                 lasting = s
-            by_way = where(to == end, there, to_copy)
+            by_way = where(going, to_copy, there)
             self.go(during(system, begin, s, self.ending.beyond), begin, here, by_way, s)
             here, to_copy = by_way, 2 * SPARE + 1 - to_copy
-            at, going = to, where(h > 0.0, to < end, to > end)
         if self.ending.anew:
             self._begin_anew(system, there, lasting, h)
         return Place(there)

@@ -95,18 +95,16 @@ class Turns(StepsTogether):
         if self.ending is None:
             self.turn(t, h, sites, copies, there)
             return
-        end, time, going = t + h, t, True
+        time, going = t, True
         cut = self.ending.is_cut(system, t, h)
         if cut:
             during(self, t - h, h, self.ending.beyond).begin_anew(t, sites, copies.nth(there))
         while going:
-            to = self.ending.next_end(system, time, end)
-            begin, s = self.ending.kept_away(time, to, where(time == t and to == end, h, to - time))
+            time, begin, s, going = self.ending.next_part(system, t, h, time)
             part = during(self, begin, s, self.ending.beyond)
             part.turn(begin, s, sites, copies, there)
             if cut:
                 part.begin_anew(begin + s, sites, copies.nth(there))
-            time, going = to, where(h > 0.0, to < end, to > end)
 
     def turn(self, t: float, h: float, sites: Any, copies: Any, k: int) -> None:
         """All turns of a step but for the last one, in copy number k of the memory."""
