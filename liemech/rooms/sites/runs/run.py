@@ -387,6 +387,7 @@ class SiteRun(RunWithReasons):
         """
         if self.bench is None:
             self.bench = self._beside(1)
+            self.bench.sites = self.bench._room_for(self.shape.memory.width)  # nothing is known of other steps
             self.bench.first, self.bench.steps = 0, 1
         bench, h = self.bench, end - begin
         bench.t_start, bench.h = begin, h
