@@ -128,8 +128,10 @@ def _argument(value: Any, where: str, own: bool) -> Any:
 
 def from_table(table: Mapping[str, Any], kind: type, where: str, own: bool) -> Any:
     """The object that a table of a file describes, by the name of its class and its arguments."""
+    if "name" not in table:
+        raise lm.errors.InvalidInput(f"{where}: needs a name, the class of a {kind.__name__}")
     options = {key: value for key, value in table.items() if key != "name"}
-    return build(table.get("name"), options, kind, where, own)
+    return build(table["name"], options, kind, where, own)
 
 
 def _value(node: ast.AST, kind: type, where: str, modules: list[Any]) -> Any:

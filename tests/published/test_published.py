@@ -63,8 +63,7 @@ def test_every_result_is_on_the_page() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("steps", [40, 160])
 def test_a_step_that_lands_on_the_dead_point_goes_on(steps: int) -> None:
-    linkage, poses = four_bars(2)
-    upright = linkage.state(rates={"crank 0": 1.0}, near=poses)
+    linkage, upright = four_bars(2)
     run = lm.integrate(linkage, lm.LieRATTLE(), upright, h=QUARTER / steps, steps=4 * steps, progress=False)
     first, last = (run.joint(f"crank {k}").angle for k in (0, 2))
     assert abs(first[steps] - np.pi / 2) < 1.0 / steps**2  # all bars in one line
@@ -78,8 +77,7 @@ def test_a_step_that_lands_on_the_dead_point_goes_on(steps: int) -> None:
 @pytest.mark.filterwarnings("ignore::liemech.errors.StepWarning")
 def test_next_to_a_dead_point_a_velocity_is_nearly_right_or_the_run_ends(shift: float) -> None:
     """Impulses of conditions that depend on each other are none: they threw bars by any velocity."""
-    linkage, poses = four_bars(2)
-    upright = linkage.state(rates={"crank 0": 1.0}, near=poses)
+    linkage, upright = four_bars(2)
     h = QUARTER * (1.0 + shift) / 160
     try:
         run = lm.integrate(linkage, lm.Composition(lm.LieRATTLE(), order=4), upright, h=h, steps=640, progress=False)

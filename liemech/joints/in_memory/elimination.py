@@ -218,8 +218,14 @@ def impulses_off(system: Any, sites: Any, work: Any, equations: Any) -> bool:
     """
     each(sites, excess_of, system, work, equations)
     assembled(system, sites, equations.sides, 1.0, 0.0, work, equations)
-    dependent = factored(system, 1.0, equations)
+    independent = has_multipliers(system, work, equations)
     pulled_by_solution(system, sites, work, equations)
+    return independent
+
+
+def has_multipliers(system: Any, work: Any, equations: Any) -> bool:
+    """Eliminate the conditions; whether they do not depend on each other.  Else their joint is noted, as at a dead point."""
+    dependent = factored(system, 1.0, equations)
     if dependent >= 0.0:
         work.failed_joint.put(0, dependent)
         work.reached.put(0, DEAD_POINT)
@@ -228,8 +234,5 @@ def impulses_off(system: Any, sites: Any, work: Any, equations: Any) -> bool:
 
 def require_multipliers(system: Any, work: Any, equations: Any) -> None:
     """Elimination of the conditions, which do not depend on each other.  Raises NoConvergence."""
-    bad = factored(system, 1.0, equations)
-    if bad >= 0.0:
-        work.failed_joint.put(0, bad)
-        work.reached.put(0, DEAD_POINT)
+    if not has_multipliers(system, work, equations):
         raise NoConvergence("the conditions of joints depend on each other")
