@@ -561,7 +561,7 @@ class Plan:
         if isinstance(current, SiteCarry):
             run = self._sites.by_hand(current)
             run.advance(steps)
-            after: Any = run.standing
+            after: Any = run.carry
             return after
         if current.fictive:
             moved: Any = current.moved(self.in_fictive_time(current.origin)._advanced(current.inner, steps))

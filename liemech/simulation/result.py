@@ -175,7 +175,7 @@ def of_sites(run: Any) -> Any:
     if run.quantities:
         fields = run.quantities.fields(lambda: {"t": t, "states": run.states(run.samples.rows)})
         t, states = fields["t"], lambda: fields["states"]
-    promises = SimpleNamespace(t=lambda: t, states=states, carry=lambda: run.standing)
+    promises = SimpleNamespace(t=lambda: t, states=states, carry=lambda: run.carry)
     return Trajectory.promised(
         promises, system=plan.system, method=plan.method, bodies=None, steps=run.most,
         compiled=run.compiled, stopped=NONE, ended=run.ended_by,

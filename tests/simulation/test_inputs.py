@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 
 import liemech as lm
 from liemech.errors import IntegrationFailure, IntegrationInterrupted, InvalidInput
-from liemech.rooms.at_work.stepper import BodiesInPlace, InPlace
+from liemech.rooms.at_work.stepper import BodiesInPlace, BodyInPlace
 from liemech.simulation.compiled.parameters import Input
 
 WORLDS = pytest.mark.parametrize(
@@ -68,7 +68,7 @@ def test_steps_are_those_of_the_system_with_these_values(method: Any, compiled: 
         loop.step(2, torque=torque, **more)
         other.step(2)
         same(loop, other)
-    assert isinstance(loop._here, InPlace) == compiled
+    assert isinstance(loop._here, BodyInPlace) == compiled
     assert loop.plan.system == satellite(COMMANDS[-1], [1.2, 1.4, 1.9])
     assert np.array_equal(loop.inputs["load.torque"], COMMANDS[-1])
     run, again = loop.plan.resume(loop, steps=3), pickle.loads(pickle.dumps(loop))

@@ -14,7 +14,7 @@ from scenes import Fenced
 
 import liemech as lm
 from liemech.errors import IncompatibleSystem, IntegrationFailure, IntegrationInterrupted, InvalidInput, InvalidType
-from liemech.rooms.at_work.stepper import InPlace
+from liemech.rooms.at_work.stepper import BodyInPlace
 from liemech.simulation.runs import short
 
 BODY = lm.RigidBody([1.0, 1.6, 2.3])
@@ -144,16 +144,16 @@ def test_the_count_of_an_event_goes_on(compiled: bool) -> None:
 @pytest.mark.compiled
 def test_an_interrupt_leaves_it_where_it_has_come_to(monkeypatch: pytest.MonkeyPatch) -> None:
     plan, start = plan_of("explicit", True)
-    stepper, run, advance = plan.stepper(start), plan.run(start, steps=9), InPlace.advance
+    stepper, run, advance = plan.stepper(start), plan.run(start, steps=9), BodyInPlace.advance
 
-    def interrupted(here: InPlace, steps: int) -> int:
+    def interrupted(here: BodyInPlace, steps: int) -> int:
         made = advance(here, steps)
         if here.taken == 6:
             raise KeyboardInterrupt
         return made
 
-    monkeypatch.setattr(InPlace, "advance", interrupted)
-    stepper._here.most = 2
+    monkeypatch.setattr(BodyInPlace, "advance", interrupted)
+    stepper._here.at_once = 2
     with pytest.raises(IntegrationInterrupted, match="after 6 steps, where it stands now"):
         stepper.step(9)
     stands(stepper, run, 6)

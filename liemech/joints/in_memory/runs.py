@@ -195,6 +195,7 @@ class LinksRun(SiteRun):
 
     names_place = True
     streams = True  # functions are found at the end
+    takes_inputs = True
     looked_at_by = StepsOfLinkage
 
     def __init__(self, plan: Any, site: Any, start: Any, *given: Any) -> None:
@@ -238,12 +239,12 @@ class LinksRun(SiteRun):
         if anew:
             self._begin_at(self.shape.shown_rows(self._memory))
 
-    def take(self, new: list[tuple[Any, list[float]]]) -> bool:
+    def take(self, new: list[Any], held: Any) -> bool:
         """Write down new values of parameters of forces at joints; False for others."""
-        places = [self._places(changed) for changed, _ in new]
+        places = [self._places(x.input) for x in new]
         if None in places:
             return False
-        for (row, column), (_, numbers) in zip(places, new):
+        for (row, column), (_, numbers, _) in zip(places, new):
             self.work[row : row + len(numbers), column] = numbers
         self._begin_at(self.shape.shown_rows(self._memory))
         return True

@@ -70,7 +70,7 @@ class Stepper:
                 self._set(inputs)
             body = self._here
             while body is not None and steps:
-                count = steps if steps < body.most else body.most
+                count = steps if steps < body.at_once else body.at_once
                 try:
                     taken = body.advance(count)
                 except KeyboardInterrupt:
@@ -113,7 +113,7 @@ class Stepper:
                 )
             if t == now:
                 return self.state
-            between = self._here.at(t - now) if isinstance(self._here, InPlace) else None
+            between = self._here.at(now, t - now) if isinstance(self._here, BodyInPlace) else None
             if between is not None:
                 return between
             plan = self.plan
@@ -177,7 +177,7 @@ class Stepper:
         if body is None:
             return self._carry.t
         if not self._fictive:
-            return body.t
+            return float(self._carry.t0 + body.taken * self._carry.h)
         with self._lock:
             whole = self._carry.origin.whole
             times = whole.apart({name: x[None] for name, x in body.parts.items()})[0][0]
@@ -208,7 +208,7 @@ class Stepper:
         if name.startswith("_"):
             raise AttributeError(name)
         with self._lock:
-            if self._here is not None and not self._fictive and name in self._here.parts:
+            if isinstance(self._here, InPlace) and not self._fictive and name in self._here.parts:
                 return self._here.parts[name].copy()
             parts = self.state.parts
         if name not in parts:
@@ -250,8 +250,7 @@ class Stepper:
 
     def _input(self, name: str) -> Input:
         """The input of this name, perhaps known by a longer one.  Raises InvalidInput."""
-        links = isinstance(self._here, SitesInPlace) and self._here.renewable
-        if self._fictive or (isinstance(self._carry, SiteCarry) and not links):
+        if self._fictive or (isinstance(self._carry, SiteCarry) and not self._here.takes_inputs):
             kind = "steps in fictive time" if self._fictive else "systems of many sites"
             raise InvalidInput(
                 f"Stepper.step: {kind} take no inputs; go on with plan.replace(system=...).stepper(loop.state, loop.t)"
@@ -283,8 +282,8 @@ class Stepper:
 
         anew : is what the method carries along beside the state another system's?
         """
-        if isinstance(self._here, SitesInPlace):
-            self._here.run.become(plan, anew)
+        if isinstance(self._carry, SiteCarry):
+            self._here.become(plan, anew)
             self._plan, self._held = plan, {}
             return
         carry, old = self._standing, self._plan._steps.shapes
@@ -306,9 +305,9 @@ class Stepper:
     def _stand(self, carry: Any) -> None:
         """Take over a carry; if there is native code, go on from there in place."""
         self._carry, self._fictive = carry, isinstance(carry, FictiveCarry)
-        self._here: InPlace | BodiesInPlace | SitesInPlace | None = None
+        self._here: Any = None  # bodies `InPlace`, or a run of many sites
         if isinstance(carry, SiteCarry):
-            self._here = SitesInPlace(self._plan, carry)
+            self._here = self._plan._sites.by_hand(carry)
             return
         inner: Carry = carry.inner if self._fictive else carry
         steps = carry.origin.steps(self._plan._steps) if self._fictive else self._plan._steps
@@ -318,7 +317,7 @@ class Stepper:
             place = place_of(steps, inner.shape)  # type: ignore[arg-type]
             native = place.native(1)
             if native is not None:
-                self._here = InPlace(place, native, inner)
+                self._here = BodyInPlace(place, native, inner)
         elif not (self._fictive or inner.ended) and type(inner.h) is float:
             lanes = inner.shape.lanes_of(steps, STRAIGHT, (), inner.shape.side)  # type: ignore[union-attr]
             if lanes.stepping.native is not None:
@@ -365,85 +364,76 @@ class Held(NamedTuple):
     value: Any  # the value given by the user; its tables stay in memory as long as this record
 
 
-class SitesInPlace:
-    """The sites of one system, in memory in which their run goes on.
+class InPlace:
+    """Bodies in memory that native code advances in place; abstract.
 
-    most : so many steps at once.
+    begun : the carry from which they go on.  numbers, sample : views of what is carried along, and of the sample.
+    parts : arrays of the state by name.  at_once : so many steps come back in milliseconds.
+    beginning : who begins, if the method carries more than the state, as formulas are read by this stepper.
     """
 
-    most = arguments.MOST
-
-    def __init__(self, plan: Any, carry: SiteCarry) -> None:
-        self.run = plan._sites.by_hand(carry)
+    begun: Any
+    numbers: Any
+    sample: Any
+    parts: Any
+    at_once: int
+    beginning: Any
 
     @property
     def taken(self) -> int:
         """The number of steps taken, from the start on."""
-        return int(self.run.taken)
-
-    @property
-    def t(self) -> float:
-        """The time of the sites, in s."""
-        return float(self.run.t)
-
-    @property
-    def parts(self) -> dict[str, Any]:
-        """Arrays of the state by name, copies."""
-        arrays: dict[str, Any] = self.carry.state.arrays
-        return arrays
+        raise NotImplementedError
 
     def advance(self, steps: int) -> int:
-        """Go on by `steps` steps and return them.  Raises what `integrate` raises."""
-        self.run.advance(steps)
-        return steps
+        """Go on by at most `steps` steps; returns how many could be made."""
+        raise NotImplementedError
 
     def take(self, new: list[Held], held: dict[str, Held]) -> bool:
-        """Take over new inputs; False if more would change than numbers in place."""
-        write = getattr(self.run, "take", None)
-        return write is not None and write([(x.input, x.numbers) for x in new])
+        """Take over new inputs, beside all that are held; False if more would change than numbers in place."""
+        raise NotImplementedError
+
+    def _begin_natively(self) -> bool:
+        """Let native code begin with the states here; False if a body cannot."""
+        raise NotImplementedError
+
+    def _begin_again(self) -> bool:
+        """Let the method begin with the states here, as far as it carries more along."""
+        beginning, shape = self.beginning, self.begun.shape
+        if beginning is None:
+            return True
+        if beginning.native is None:
+            beginning.compile()  # commands come often
+        return beginning.native is not None and shape.given == shape.shown and self._begin_natively()
 
     @property
-    def renewable(self) -> bool:
-        """Whether the run can go on with another system."""
-        return hasattr(self.run, "become")
-
-    @property
-    def carry(self) -> SiteCarry:
-        """The carry of the sites, a copy."""
-        carry: SiteCarry = self.run.standing
-        return carry
+    def carry(self) -> Carry:
+        """The carry of the bodies, a copy."""
+        start = self.begun
+        standing = start.shape, start.t0, start.h, self.taken, self.numbers.copy(), self.sample.copy()
+        return Carry.quickly(*standing, start.met, start.bodies)
 
 
-class InPlace:
-    """One body, in memory that native code advances in place.
+class BodyInPlace(InPlace):
+    """One body, in the memory of a short run, whose last numbers are the sample.
 
-    memory : as of a short run; the last numbers are the sample.  parts : views of the sample.
-    most : so many steps come back in milliseconds.
-    native, beginning : the code that steps, and who begins, as formulas are read by this stepper.
-    block : the arguments of native code.  again : those of the code that begins, and its buffers, if
-    the method carries more than the state.  blocks : both, and where the numbers of the system begin.
-    system : as it was last made.
+    block : the arguments of native code.  again : those of the code that begins, and its buffers.  blocks : both, and where
+    the numbers of the system begin.  system : as it was last made.
     """
-
-    __slots__ = (
-        *("again", "begun", "block", "blocks", "buffers", "memory", "most", "parts", "place"),
-        *("beginning", "native", "system"),
-    )
 
     def __init__(self, place: FixedPlaces, native: Kernel, carry: Carry) -> None:
         self.place, self.native, self.begun = place, native, carry
         self.beginning = None if place.beginning is None else place.beginning.of_a_run()
         self.memory = np.empty(place.kept + place.sampled)
         place.go_on(carry, self.memory)
-        self.most = short.LONGEST // place.carried**2
-        self.parts = unpacked(place.shape.shown, self.memory[place.kept :])
+        self.numbers, self.sample = self.memory[: place.carried], self.memory[place.kept :]
+        self.parts = unpacked(place.shape.shown, self.sample)
+        self.at_once = short.LONGEST // place.carried**2
         self.buffers = place.prepared(self.memory, 1, place.kept)
         self.system: Any = place.lanes.arguments[1]
-        self.again: Any = None
         begin = 8 * layout_of(place.lanes.arguments[0]).width
         self.block = changing(place.block(self.buffers, 1, 1))
         self.blocks = [(self.block, place.words + begin)]
-        if place.shape.order is None:
+        if self.beginning is not None:
             _, (states, _), (clock, _), rows = self.buffers
             words = 1, 0, 1, rows[0], clock, states, rows[0]
             block = changing(struct.pack(f"7q{len(place.constants)}s", *words, place.constants))
@@ -452,31 +442,24 @@ class InPlace:
 
     @property
     def taken(self) -> int:
-        """The number of steps taken, from the start on."""
         return int(self.memory.item(self.place.taken))
 
-    @property
-    def t(self) -> float:
-        """The time t0 + n h, in s."""
-        return float(self.begun.t0 + self.taken * self.begun.h)
-
     def advance(self, steps: int) -> int:
-        """Go on by at most `steps` steps; returns how many could be made."""
         taken, at = self.memory.item, self.place.taken
         before = taken(at)
         _STEPS(self.block, _AT_STEPS, steps)
         self.native.on_memory(self.block, self.buffers)
         return int(taken(at) - before)
 
-    def at(self, length: float) -> State | None:
-        """The state after a step of this length, made in a copy of the memory; None if the method begins with more
-        than the state, or fails.
+    def at(self, now: float, length: float) -> State | None:
+        """The state after a step of this length from now on, made in a copy of the memory; None if the method begins with
+        more than the state, or fails.
         """
-        place, memory, block = self.place, self.memory.copy(), changing(bytes(self.block))
-        if self.again is not None:
+        if self.beginning is not None:
             return None
+        place, memory, block = self.place, self.memory.copy(), changing(bytes(self.block))
         memory[place.clock + STEP], memory[place.taken] = length, 0.0
-        memory[place.goal + ORIGIN] = self.t
+        memory[place.goal + ORIGIN] = now
         buffers = place.prepared(memory, 1, place.kept)
         goal, states, clock, rows = [begin for begin, _ in buffers]
         struct.pack_into("5q", block, _AT_STEPS, 1, goal, states, clock, rows)
@@ -487,7 +470,6 @@ class InPlace:
         return state
 
     def take(self, new: list[Held], held: dict[str, Held]) -> bool:
-        """Take over new inputs; False if more would change than numbers in place."""
         system = self.system
         for entry, numbers, _ in new:
             if entry.places is None:
@@ -501,29 +483,14 @@ class InPlace:
             for place in entry.places or ():
                 for block, at in self.blocks:
                     entry.pack(block, at + 8 * place, *numbers)
-        return self.again is None or self._begin_again()
+        return self._begin_again()
 
-    def _begin_again(self) -> bool:
-        """Let the method begin with the state here, as far as it carries more along."""
-        place, memory = self.place, self.memory
-        beginning: Any = self.beginning
-        if beginning.native is None:
-            beginning.compile()  # commands come often
-        if beginning.native is None or place.shape.given != place.shape.shown:
-            return False
-        beginning.native.on_memory(*self.again)
-        mark = place.clock + MARK
+    def _begin_natively(self) -> bool:
+        memory, mark = self.memory, self.place.clock + MARK
+        self.beginning.native.on_memory(*self.again)
         good = memory.item(mark) == 0.0
         memory[mark] = 0.0
         return good
-
-    @property
-    def carry(self) -> Carry:
-        """The carry of the body, a copy."""
-        start: Any = self.begun
-        memory, place = self.memory.copy(), self.place
-        standing = start.shape, start.t0, start.h, self.taken, memory[: place.carried], memory[place.kept :]
-        return Carry.quickly(*standing, start.met)
 
 
 _STEPS, _AT_STEPS = struct.Struct("q").pack_into, 8 * 4
@@ -535,24 +502,25 @@ def changing(block: bytes) -> Any:
     return (ctypes.c_char * len(block)).from_buffer_copy(block)
 
 
-class BodiesInPlace:
+class BodiesInPlace(InPlace):
     """The bodies of an ensemble, in memory that native code advances in place.
 
     table : a column for each, as of a run.  rows : two samples, of which number `now` is here.
     before : the table before a call of native code, to which it goes back if a body fails, and after
-    Ctrl-C.  most : so many steps come back in milliseconds.
+    Ctrl-C.
     """
 
     def __init__(self, steps: Steps, lanes: Any, carry: Carry, workers: int) -> None:
         shape: Any = carry.shape
         self.begun, self.lanes, self.workers, self.count = carry, lanes, workers, carry.bodies or 1
-        self.beginning: Any = None if shape.order is not None else shape.beginning(steps, lanes).of_a_run()
+        self.beginning = None if shape.order is not None else shape.beginning(steps, lanes).of_a_run()
         columns, self.whole = shape.columns(self.count), shape.whole(self.count)
         self.table, self.now = np.zeros((lanes.height, columns)), 0
         self.rows = np.zeros((2, 1, shape.shown.width, columns))
-        self.most = max(1, short.LONGEST // (lanes.layout.width**2 * columns))
-        self.numbers, self.clocks, goals, *self.own = lanes.parts(self.table)
-        self.numbers[:, : self.count] = carry.numbers
+        self.at_once = max(1, short.LONGEST // (lanes.layout.width**2 * columns))
+        self.all_numbers, self.clocks, goals, *self.own = lanes.parts(self.table)
+        self.numbers = self.all_numbers[:, : self.count]
+        self.numbers[:] = carry.numbers
         self.rows[0, 0, :, : self.count] = carry.last
         self.clocks[:] = np.array([carry.t, carry.h, *FRESH])[:, None]
         self.clocks[TAKEN] = carry.step
@@ -568,25 +536,13 @@ class BodiesInPlace:
 
     @property
     def taken(self) -> int:
-        """The number of steps taken, from the start on."""
         return int(self.clocks.item(TAKEN, 0))
 
-    @property
-    def t(self) -> float:
-        """The time t0 + n h, in s."""
-        return float(self.begun.t0 + self.taken * self.begun.h)
-
-    @property
-    def _sample(self) -> np.ndarray:
-        return self.rows[self.now, 0, :, : self.count]
-
-    @property
-    def parts(self) -> dict[str, Any]:
-        """Arrays of the state by name, with a leading axis of bodies."""
-        return unpacked(self.begun.shape.shown, self._sample.T)  # type: ignore[union-attr]
+    sample: Any = property(lambda self: self.rows[self.now, 0, :, : self.count])
+    parts: Any = property(lambda self: unpacked(self.begun.shape.shown, self.sample.T))
 
     def advance(self, steps: int) -> int:
-        """Go on by `steps` steps, or by none if a body cannot make them; returns how many."""
+        """Go on by `steps` steps, or by none if a body cannot make them."""
         reached, was = self.taken + steps, self.now
         np.copyto(self.before, self.table)
         try:
@@ -602,7 +558,6 @@ class BodiesInPlace:
         return 0
 
     def take(self, new: list[Held], held: dict[str, Held]) -> bool:
-        """Take over new inputs; False if more would change than numbers in place."""
         if any(x.input.places is None for x in new):
             return False
         if isinstance(self.lanes.arguments[1], Several):
@@ -622,28 +577,11 @@ class BodiesInPlace:
         self.lanes = like(self.lanes, constants=bytes(constants))
         return self._begin_again()
 
-    def _begin_again(self) -> bool:
-        """Let the method begin with the states here, as far as it carries more along."""
-        shape: Any = self.begun.shape
-        if shape.order is not None:
-            return True
-        beginning = self.beginning
-        if beginning.native is None:
-            beginning.compile()  # commands come often
-        if beginning.native is None or shape.given != shape.shown:
-            return False
+    def _begin_natively(self) -> bool:
         states, before = self.rows[self.now, 0], self.table.copy()
-        arrays = *self.own, states, self.clocks, self.numbers, states
-        beginning.run(self.lanes.constants, (), arrays, states.shape[1], 0, self.whole)
+        arrays = *self.own, states, self.clocks, self.all_numbers, states
+        self.beginning.run(self.lanes.constants, (), arrays, states.shape[1], 0, self.whole)
         if self.clocks[MARK, : self.whole].any():
             self.table[:] = before
             return False
         return True
-
-    @property
-    def carry(self) -> Carry:
-        """The carry of all bodies, a copy."""
-        start: Any = self.begun
-        numbers, last = self.numbers[:, : self.count].copy(), self._sample.copy()
-        standing = start.shape, start.t0, start.h, self.taken, numbers, last
-        return Carry.quickly(*standing, start.met, bodies=start.bodies)

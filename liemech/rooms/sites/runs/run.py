@@ -53,6 +53,8 @@ class SiteRun(RunWithReasons):
     """
 
     by_sites = True
+    at_once = arguments.MOST  # steps that are advanced by hand
+    takes_inputs = False  # may parameters change between these?
     ended_by: int | None = None  # which event
     level: float | None = None
     dense = each_end = False  # is the way of all adaptive steps kept, and are there samples at their ends?
@@ -274,8 +276,8 @@ class SiteRun(RunWithReasons):
 
     # ---------------------------------------------------------------- by hand
 
-    def advance(self, steps: int) -> None:
-        """Go on by so many steps, without samples.  After Ctrl-C, and before a step that fails, it
+    def advance(self, steps: int) -> int:
+        """Go on by so many steps, without samples, and return them.  After Ctrl-C, and before a step that fails, it
         stands where it has come to.
         """
         self.steps = self.taken + steps - self.first
@@ -283,11 +285,7 @@ class SiteRun(RunWithReasons):
         self.samples.made, self.samples.times = 0, self.samples.times[:0]
         while self._going:
             self._go(min(self.pace, self.first + self.steps - self.taken))
-
-    @property
-    def t(self) -> float:
-        """The time of a run of fixed steps."""
-        return float(self.t0 + self.taken * self.h)
+        return steps
 
     @property
     def taken(self) -> int:
@@ -563,18 +561,13 @@ class SiteRun(RunWithReasons):
         return self.taken - self.first
 
     @property
-    def standing(self) -> SiteCarry:
-        """With what the run goes on from here."""
-        met = SiteCarry.met if self.events is None else self.events.each[0].met
-        carry_of_run: SiteCarry = self.carry(self._memory.copy(), self.clocks[:, 0].copy(), met)
-        return carry_of_run
-
-    def carry(self, memory: np.ndarray, clock: np.ndarray, met: Any) -> Any:
-        """With what a run goes on; nothing where fixed steps were ended inside of one."""
+    def carry(self) -> Any:
+        """With what the run goes on from here; nothing where fixed steps were ended inside of one."""
         if self.ended_by is not None and not self.adaptive:
             return None
-        state = state_of_rows(self.shape.state, self.shape.shown_rows(memory))
-        state = as_users_see(self.plan._one, state)
+        memory, clock = self._memory.copy(), self.clocks[:, 0].copy()
+        met = SiteCarry.met if self.events is None else self.events.each[0].met
+        state = as_users_see(self.plan._one, state_of_rows(self.shape.state, self.shape.shown_rows(memory)))
         numbers = memory[: self.shape.lasting]
         if not self.adaptive:
             return SiteCarry(self.t0, self.h, int(clock[TAKEN]), numbers, state, met=met)
