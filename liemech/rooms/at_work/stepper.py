@@ -546,7 +546,7 @@ class BodiesInPlace(InPlace):
         reached, was = self.taken + steps, self.now
         np.copyto(self.before, self.table)
         try:
-            call = self.table, self.rows[1 - was], 1, self.workers, steps, 0, self.whole
+            call = self.table, self.rows[1 - was], 1, self.workers, steps, range(self.whole)
             self.lanes.natively(*call, worth=WORTH)
             if (self.clocks[TAKEN, : self.whole] == reached).all():
                 self.now = 1 - was

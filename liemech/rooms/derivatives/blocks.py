@@ -73,7 +73,7 @@ class Blocks:
         self.shape = RunShape(steps, state, state, carry, example, kernel.width())
         things = methods.argument, systems.argument
         self.lanes = Lanes(
-            *things, STRAIGHT, self.shape.layout, example, (), way.compiled, way.progress, self.shape.side
+            things, STRAIGHT, self.shape.layout, example, (), way.compiled, way.progress, self.shape.side
         )
         self.side = self.lanes.stepping.lanes
         if self.shape.order is None:
@@ -139,7 +139,7 @@ class Blocks:
                 buffers = *parameters, starts, clocks, numbers, out[0]
                 self.beginning.run(lanes.constants, (), buffers, whole, column, whole)
             failed = np.flatnonzero(clocks[MARK, column:] != 0.0) + column
-            lanes.natively(table, out, 1, self.way.workers, steps, column, whole, worth=WORTH)
+            lanes.natively(table, out, 1, self.way.workers, steps, range(column, whole), worth=WORTH)
             not_native = np.flatnonzero(clocks[MARK] == ASKED)
             for i in np.unique(np.concatenate([failed, not_native])).tolist():
                 if i >= count:

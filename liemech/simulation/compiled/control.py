@@ -111,30 +111,27 @@ class Control(Record):
 
     A subclass writes `turn`, or `march`, which makes many.  It never looks into a state, nor into what
     a method carries along: they may lie in memory.
+    motion : method, system, and the layouts of what is carried along and of a row.
     """
 
     def begun(self, method: Any, system: Any, clock: Any, carry: Any, goal: Any, failures: Any) -> Any:
         """Clock and carry before the first step, unchanged unless a subclass computes them."""
         return clock, carry
 
-    def turn(
-        self, method: Any, system: Any, layout: Any, row: Any, clock: Any, carry: Any, goal: Any,
-        k: int, out: Any, failures: Any,
-    ) -> Any:  # fmt: skip
+    def turn(self, motion: Any, clock: Any, carry: Any, goal: Any, k: int, out: Any, failures: Any) -> Any:
         """A trial of a step, and row number k if it was made: the clock, the carry, and whether."""
         raise NotImplementedError
 
     @part_of_driver
     def march(
-        self, method: Any, system: Any, layout: Any, row: Any, clock: Any, carry: Any, goal: Any,
-        turns: int, every: int, out: Any, failures: Any,
-    ) -> Any:  # fmt: skip
+        self, motion: Any, clock: Any, carry: Any, goal: Any, turns: int, every: int, out: Any, failures: Any
+    ) -> Any:
         """Some turns, each with a row if its step was made: the clock and the carry behind them."""
         count = 0
         for _ in range(turns):
             if not any_body(going(clock, goal)):
                 break
-            clock, carry, good = self.turn(method, system, layout, row, clock, carry, goal, count, out, failures)
+            clock, carry, good = self.turn(motion, clock, carry, goal, count, out, failures)
             if any_body(good):
                 count = count + 1
         return clock, carry
@@ -167,12 +164,9 @@ class Tolerance(Control):
         left = where(fresh, 1.0, 0.0)
         return Clock(clock.t, h, before, clock.steps, clock.rejected, stuck, left), (state, xi)
 
-    def turn(
-        self, method: Any, system: Any, layout: Any, row: Any, clock: Any, carry: Any, goal: Any,
-        k: int, out: Any, failures: Any,
-    ) -> Any:  # fmt: skip
+    def turn(self, motion: Any, clock: Any, carry: Any, goal: Any, k: int, out: Any, failures: Any) -> Any:
         """A trial of a step; a row of time, state and way if it was accepted."""
-        state, xi = carry
+        (method, system, _, row), (state, xi) = motion, carry
         t, h, before, n, stuck = clock.t, clock.h, clock.error, clock.steps, clock.stuck
         rejected, running = clock.rejected, going(clock, goal)
         step, last, small = to_try(t, h, goal.t_end, goal.longest)
@@ -215,10 +209,10 @@ class Equal(Control):
 
     @part_of_driver
     def march(
-        self, method: Any, system: Any, layout: Any, row: Any, clock: Any, carry: Any, goal: Any,
-        turns: int, every: int, out: Any, failures: Any,
-    ) -> Any:  # fmt: skip
+        self, motion: Any, clock: Any, carry: Any, goal: Any, turns: int, every: int, out: Any, failures: Any
+    ) -> Any:
         """Turns of `every` steps each, as far as they can be made; a row where each turn leads."""
+        method, system, layout, row = motion
         n, stuck, t0, h, limit = clock.steps, clock.stuck, goal.t0, clock.h, goal.limit
         shown = row.parts[1] if self.timed else row
         for k in range(turns):
@@ -257,11 +251,9 @@ class Fictive(Control):
     along; instead of one that would lead beyond t_end a shorter one that ends there.
     """
 
-    def turn(
-        self, method: Any, system: Any, layout: Any, row: Any, clock: Any, carry: Any, goal: Any,
-        k: int, out: Any, failures: Any,
-    ) -> Any:  # fmt: skip
+    def turn(self, motion: Any, clock: Any, carry: Any, goal: Any, k: int, out: Any, failures: Any) -> Any:
         """A step; a row of physical time, state and fictive time if it could be made."""
+        method, system, layout, row = motion
         t, h, n, stuck, running = clock.t, clock.h, clock.steps, clock.stuck, going(clock, goal)
         still, inside = clock.error, clock.fresh
         trial = attempt(stepped, method, system, n * h, carry, h, layout)

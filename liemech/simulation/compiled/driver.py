@@ -43,7 +43,7 @@ def advance(
     goal = read(goals, 0, GOAL)
     clock, carry = read(clocks, 0, CLOCK), read(states, 0, layout)
     clock, carry = control.begun(method, system, clock, carry, goal, failures)
-    clock, carry = control.march(method, system, layout, row, clock, carry, goal, turns, every, out, failures)
+    clock, carry = control.march((method, system, layout, row), clock, carry, goal, turns, every, out, failures)
     write(states, 0, carry, layout)
     write(clocks, 0, clock, CLOCK)
 

@@ -33,15 +33,16 @@ class Lanes:
     """
 
     def __init__(
-        self, method: Any, system: Any, control: Any, layout: Layout, example: Any, extra: Any,
+        self, motion: tuple[Any, Any], control: Any, layout: Layout, example: Any, extra: Any,
         asked: bool | None, progress: bool | None, side: int,
     ) -> None:  # fmt: skip
+        """motion : method and system, of all bodies or of each.  extra : an example of what rows have behind the state."""
         self.example, self.state, self.layout = example, layout_of(example), layout
         timed = not isinstance(control, Equal) or control.timed
         self.row = layout_of((0.0, example, extra)) if timed else self.state
         self.own: list[np.ndarray] = []
         arguments = []
-        for argument in (method, system):
+        for argument in motion:
             if isinstance(argument, OfBodies):
                 argument = Several.of(argument.members, len(argument))
             if isinstance(argument, Several):
@@ -93,31 +94,24 @@ class Lanes:
 
     def natively(
         self, columns: np.ndarray, out: np.ndarray, turns: int, workers: int, every: int = 1,
-        first: int = 0, end: int | None = None, size: int = MOST, worth: int = TRIALS,
+        some: range | None = None, size: int = MOST, worth: int = TRIALS,
     ) -> int:  # fmt: skip
-        """Run native code for `turns` turns of whole lanes of bodies from the first on, in blocks of
-        some size, perhaps in threads.  Returns how many blocks there are in turn.
+        """Run native code for `turns` turns of some bodies, whole lanes of them, all by default; in blocks of some size,
+        perhaps in threads.  Returns how many blocks there are in turn.
 
         worth : steps of all bodies together that are worth a thread.
         """
+        some = range(columns.shape[1]) if some is None else some
         if self.layout.in_memory and columns.shape[1] > 1:
-            return self._one_by_one(columns, out, turns, every, first, end)
+            for i in some:  # whose numbers lie in memory, one after another
+                column, rows = columns[:, i : i + 1].copy(), out[..., i : i + 1].copy()
+                self.natively(column, rows, turns, 1, every)
+                columns[:, i : i + 1], out[..., i : i + 1] = column, rows
+            return 1
         numbers, clocks, goals, *parameters = self.parts(columns)
         arguments = (turns, every), (*parameters, goals, numbers, clocks, out)
         call = functools.partial(self.stepping.run, self.constants, *arguments, columns.shape[1])
-        work = turns * every, worth
-        end = columns.shape[1] if end is None else end
-        return share_out(call, first, end, self.stepping.lanes, size, work, workers)
-
-    def _one_by_one(
-        self, columns: np.ndarray, out: np.ndarray, turns: int, every: int, first: int, end: int | None,
-    ) -> int:  # fmt: skip
-        """Run native code for bodies whose numbers lie in memory, one after another."""
-        for i in range(first, columns.shape[1] if end is None else end):
-            column, rows = columns[:, i : i + 1].copy(), out[..., i : i + 1].copy()
-            self.natively(column, rows, turns, 1, every)
-            columns[:, i : i + 1], out[..., i : i + 1] = column, rows
-        return 1
+        return share_out(call, some, self.stepping.lanes, size, (turns * every, worth), workers)
 
     def plainly(
         self, body: int, column: np.ndarray, out: np.ndarray, turns: int, failures: list[Any],
@@ -156,21 +150,20 @@ class Lanes:
                 self.plainly(body, columns[:, k], out[-1:, :, k], 1, raised)
 
 
-def share_out(call: Any, first: int, end: int, side: int, size: int, work: tuple[int, int], workers: int) -> int:
-    """Call native code, which does not hold the interpreter's lock, for columns from the first to the end,
-    in blocks of whole lanes, `side` columns each.  Each thread takes the next block as soon as it has
-    done one.  Returns how many blocks there are in turn.
+def share_out(call: Any, some: range, side: int, size: int, work: tuple[int, int], workers: int) -> int:
+    """Call native code, which does not hold the interpreter's lock, for some columns, in blocks of whole lanes, `side`
+    columns each.  Each thread takes the next block as soon as it has done one.  Returns how many blocks there are in turn.
 
     work : what there is to do for a column, and what is worth a thread.
     """
-    count = end - first
+    count, end = len(some), some.stop
     threads = max(1, min(workers, count * work[0] // work[1], count // side))
     share = -(-count // (threads * side)) * side
     size = min(share, max(side, size // side * side))
     if size >= count:
-        call(first, end)
+        call(some.start, end)
         return 1
-    blocks = range(first, end, size)
+    blocks = some[::size]
     waiting = iter(blocks)
 
     def take() -> None:

@@ -178,7 +178,7 @@ class RunShape:
         prepared = self.lanes.get(key)
         if prepared is None:
             prepared = self.lanes[key] = Lanes(
-                steps.way, steps.system, control, self.layout, self.example, extra,
+                (steps.way, steps.system), control, self.layout, self.example, extra,
                 steps.compiled, steps.progress, side,
             )  # fmt: skip
         return prepared.of_a_run()

@@ -232,7 +232,7 @@ class EqualRun(Run):
             all_of_them = (*lanes.parts(self.table)[3:], *arrays)
             call = functools.partial(execution.run, lanes.constants, (), all_of_them, heads.shape[1])
             size, workers = NATIVE // side * side, self.plan.options.workers
-            share_out(call, column, shape.whole(count), side, size, (1, WORTH), workers)
+            share_out(call, range(column, shape.whole(count)), side, size, (1, WORTH), workers)
             for i in np.flatnonzero(clocks[MARK, :count] == ASKED).tolist():
                 plainly(i)
         stuck = clocks[MARK, :count] == STUCK
@@ -436,7 +436,7 @@ class StraightRun(EqualRun):
             self.table[:, count:whole] = self.table[:, count - 1 : count]  # lanes that are left over
             workers = self.plan.options.workers
             size = pace // steps if self.bodies else 1
-            calls = lanes.natively(self.table, out, turns, workers, every, column, whole, size, WORTH)
+            calls = lanes.natively(self.table, out, turns, workers, every, range(column, whole), size, WORTH)
             for i in np.flatnonzero(self.clocks[MARK] == ASKED).tolist():
                 plainly(i)
         self.reached, self.latest = before + steps, out[-1]

@@ -178,7 +178,7 @@ def short_steps(way: Steps, shape: RunShape, start: Any, steps: int, t0: float) 
     place.advance(native, place.prepared(memory, samples, place.kept + place.sampled), samples, every)
     if memory.item(place.taken) != reached:
         return None
-    promises = _FixedRun(place, memory, t0, way.h, every, step, reached)
+    promises = _FixedRun(place, memory, way, t0, step, reached)
     run: Trajectory = of_short(promises, way, way.h, None, steps, {"breaks": way.breaks, "dense": None})
     return run
 
@@ -208,20 +208,20 @@ class _FixedRun:
     memory : of one body; of an ensemble all numbers but the samples, (height, columns), and these in `out`.
     """
 
-    __slots__ = ("bodies", "every", "h", "last", "memory", "out", "place", "reached", "step", "t0")
+    __slots__ = ("bodies", "last", "memory", "out", "place", "reached", "step", "t0", "way")
 
     def __init__(
-        self, place: FixedPlaces, memory: Any, t0: float, h: Any, every: int, step: int, reached: int,
+        self, place: FixedPlaces, memory: Any, way: Steps, t0: float, step: int, reached: int,
         bodies: int | None = None, out: Any = None,
     ) -> None:  # fmt: skip
         self.place, self.memory, self.bodies, self.out = place, memory, bodies, out
         self.last: np.ndarray | None = None
-        self.t0, self.h, self.every, self.step, self.reached = t0, h, every, step, reached
+        self.way, self.t0, self.step, self.reached = way, t0, step, reached
 
     def t(self) -> np.ndarray:
         """Times of the samples, t0 + n h, (n,)."""
-        times = np.arange(float(self.step), self.reached + 1.0, float(self.every))
-        times *= self.h
+        times = np.arange(float(self.step), self.reached + 1.0, float(self.way.every))
+        times *= self.way.h
         times += self.t0
         return times
 
@@ -282,7 +282,7 @@ def short_steps_of_many(way: Steps, shape: RunShape, start: State, steps: int, t
     native.run(place.constants, (samples, way.every), rows, columns, 0, whole)
     if (table[place.taken, :whole] != steps).any():
         return None
-    promises = _FixedRun(place, table, t0, way.h, way.every, 0, steps, count, out)
+    promises = _FixedRun(place, table, way, t0, 0, steps, count, out)
     run: Trajectory = of_short(promises, way, way.h, count, steps, {"breaks": way.breaks, "dense": None})
     return run
 

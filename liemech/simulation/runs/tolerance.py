@@ -207,7 +207,7 @@ class ToleranceRun(Run):
                 example, xi = state, rate
                 break
         lanes = Lanes(
-            plan.method, plan.system, Tolerance(curves, self.rows), layout_of((example, xi)), example,
+            (plan.method, plan.system), Tolerance(curves, self.rows), layout_of((example, xi)), example,
             (xi,) * method.curve_terms if curves else (),
             self.asked_for, plan.options.progress,
             kernel.width() if self.bodies and self.asked_for is not False and kernel.available() is None else 1,
