@@ -8,15 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...compiler.sites.planes import Planes, columns
-from ...errors import (
-    IncompatibleSystem,
-    IntegrationInterrupted,
-    InvalidInput,
-    NoConvergence,
-    NotFinite,
-    StepWarning,
-    warn,
-)
+from ...errors import IncompatibleSystem, InvalidInput, NoConvergence, NotFinite, StepWarning, warn
 from ...formulas.classes.layouts import layout_of
 from ...formulas.tables import Table
 from ...groups.retractions import Exponential
@@ -32,6 +24,7 @@ from ...rooms.constraints.lie_rattle import LieRATTLE, near_a_dead_point
 from ...rooms.constraints.rattle import RATTLE
 from ...rooms.sites.runs.driver import OVERFLOW
 from ...rooms.sites.runs.events import StepsOfSites
+from ...rooms.sites.runs.failures import ended
 from ...rooms.sites.runs.run import SiteRun
 from ...rooms.sites.runs.samples import SamplesOfSites
 from ...rooms.sites.runs.states import as_users_see, one_of, state_of_rows
@@ -185,7 +178,13 @@ class StepsOfLinkage(StepsOfSites):
         return looks_by_velocity(np.maximum(turning(spans * velocities[:-1]), turning(spans * velocities[1:])))
 
     def failed(self, error: Any) -> Any:
-        return self.run._with_run(error, None)
+        return error
+
+    def return_to(self, stand: tuple[np.ndarray, ...], steps: int) -> None:
+        work = self.run.of
+        for column in (work.failed_joint, work.reached, work.ready):
+            column.put(0, 0.0)
+        super().return_to(stand, steps)
 
 
 class LinksRun(SiteRun):
@@ -196,7 +195,7 @@ class LinksRun(SiteRun):
     names_place = True
     streams = True  # functions are found at the end
     takes_inputs = True
-    looked_at_by = StepsOfLinkage
+    kind_of_observer = StepsOfLinkage
 
     def __init__(self, plan: Any, site: Any, start: Any, *given: Any) -> None:
         super().__init__(plan, site, start, *given)
@@ -267,11 +266,6 @@ class LinksRun(SiteRun):
 
     # ---------------------------------------------------------------- steps
 
-    def return_to(self, stand: tuple[np.ndarray, ...], steps: int) -> None:
-        for column in (self.of.failed_joint, self.of.reached, self.of.ready):
-            column.put(0, 0.0)
-        super().return_to(stand, steps)
-
     def _steps(self, turns: int, samples: SamplesOfSites) -> None:
         """Some more steps; what is shown of the state to which they have led is found after Ctrl-C and
         after a step that has failed, too.
@@ -306,7 +300,7 @@ class LinksRun(SiteRun):
         """As of sites; without a velocity at its start there is no run."""
         if self.adaptive and self.of.ready.at(0) > READY:
             t = self.clocks.item(TIME, 0)
-            raise self._ended(self._why(self.failures, 0, None), f"at the start, t = {t:g}")
+            raise ended(self, self._why(self.failures, 0, None), f"at the start, t = {t:g}")
         super()._attend()
 
     # ---------------------------------------------------------------- functions of the state
@@ -320,11 +314,8 @@ class LinksRun(SiteRun):
     def require_ends(self) -> None:
         """Find the values of all functions that are recorded."""
         super().require_ends()
-        try:
-            if self.quantities is not None:
-                self.quantities.flush()
-        except (Exception, IntegrationInterrupted) as error:
-            raise self._with_run(error, None) from error.__cause__
+        if self.quantities is not None:
+            self.quantities.flush()
 
     def flush(self) -> tuple[np.ndarray, np.ndarray]:
         """Times and numbers of all samples."""
@@ -370,5 +361,5 @@ class LinksRun(SiteRun):
         """Another reason for it, of methods that leave the conditions."""
         if isinstance(self.shape.method, (RattleOfLinks, MultipleTimeStepsOfLinks)):
             return ""
-        smaller = f"rtol = {0.01 * self.prepared.rtol:g}" if self.adaptive else f"h = {0.25 * self.h:g}"
+        smaller = f"rtol = {0.01 * self.way.rtol:g}" if self.adaptive else f"h = {0.25 * self.h:g}"
         return f", or steps too long to stay near them; try {smaller}"

@@ -4,6 +4,7 @@ by edge.
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -51,9 +52,9 @@ def sizes_of(values: np.ndarray) -> np.ndarray:
 class Slot:
     """Numbers of a term by which its energy is differentiated: a parameter, or a field that follows from it.
 
-    path : of the fields that lead to it.  value : one, or one for each edge.  by : (n, numbers of the
-    parameter, own numbers) the derivative by the parameter at all edges, or one for all; None for the
-    parameter itself.
+    path : of the fields of the term that lead to it; of sites its number.  value : one, or one for each edge.
+    by : (n, numbers of the parameter, own numbers) the derivative by the parameter at all edges, or one for all; None for
+    the parameter itself.
     """
 
     parameter: Any
@@ -93,7 +94,7 @@ class Parameter:
     """A parameter by which is differentiated, of a term or of the sites.
 
     name : as it was asked for.  energy : the terms among which it is, `which` of them; None: it is one of
-    the sites, which all terms may see.  path : of the fields that lead to it; of sites its number.
+    the sites, which all terms may see.  slots : first its own, then the fields that follow from it.
     """
 
     energy: Any
@@ -110,48 +111,42 @@ class Parameter:
                     "name, or name them differently"
                 )
             self.name, self.energy, self.which = name, of_sites[0], None
-            self.path: Any = (self.energy.names.index(name),)
-            self.value = self.energy.own[self.path[0]]
-            self.slots = [Slot(self, self.path, self.value)]
-            self.shape = self.slots[0].shape
+            number = self.energy.names.index(name)
+            self.slots = [Slot(self, (number,), self.energy.own[number])]
             return
-        self.name, self.full = name, full_name(system, name, caller)
-        parts = self.full.split(".")
-        value: Any = system
-        self.energy = None
-        for i, part in enumerate(parts):
-            if isinstance(value, OfTerms):
-                self.energy, path = value, parts[i:]
-            value = value[int(part)] if part.isdigit() else getattr(value, part)
-        self.value = value
-        of_term = self.energy is not None and path[0] == "parts" and path[2] == "term"
-        self.path = tuple(path[3:]) if of_term else ()
-        inner = {*self.path[:-1]} - WRAPPERS
-        if not (_is_numeric(value) and of_term and self.path and not inner):
+        self.name = name
+        full = full_name(system, name, caller)
+        value, at_term = parameter(system, full, caller), re.fullmatch(r"(?:(.*)\.)?parts\.(\d+)\.term\.(.+)", full)
+        path = at_term[3].split(".") if at_term else []
+        if not (at_term and _is_numeric(value) and {*path[:-1]} <= WRAPPERS):
             raise IncompatibleSystem(
                 f"{caller}: {name} is no field of a term; derivatives by other parameters of many sites "
                 "are found by `along=` of runs with other values, or where the system is written out"
             )
-        self.which = int(path[1])
-        owner = parameter(system, ".".join(parts[:-1]))
-        self.slots = [Slot(self, self.path, value)]
-        self.shape = self.slots[0].shape
-        self.slots += self._following(owner, parts[-1])
+        self.energy, self.which = parameter(system, at_term[1], caller) if at_term[1] else system, int(at_term[2])
+        self.slots = [Slot(self, tuple(path), value)]
+        self.slots += self._following(parameter(system, full.rpartition(".")[0], caller), path[-1])
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The shape of the parameter at one edge."""
+        return self.slots[0].shape
 
     def _following(self, owner: Any, field: str) -> list[Slot]:
         """The fields that follow from the parameter, such as the inverse of an inertia.  Raises
         IncompatibleSystem where the parameter is not used as it is given.
         """
         fields = {name: getattr(owner, name) for name in named(type(owner))}
-        start = self.value.values if isinstance(self.value, Each) else np.asarray(self.value, float)
-        count = len(start) if isinstance(self.value, Each) else 1
-        width = self.slots[0].width
+        slot, width = self.slots[0], self.slots[0].width
+        of_each = isinstance(slot.value, Each)
+        start = slot.value.values if of_each else np.asarray(slot.value, float)
+        count = len(start) if of_each else 1
         sizes = sizes_of(start.reshape(count, *self.shape))
 
         def moved(direction: np.ndarray, e: float) -> Any:
             array = start + e * sizes.reshape(start.shape) * direction.reshape(self.shape)
-            new: Any = each(array) if isinstance(self.value, Each) else array
-            new = new if self.shape or isinstance(self.value, Each) else float(new)
+            new: Any = each(array) if of_each else array
+            new = new if self.shape or of_each else float(new)
             return type(owner)(**{**fields, field: new})
 
         units = np.eye(width)
@@ -162,22 +157,22 @@ class Parameter:
         kind: Any = type(near)
         others = [x for x in names_of(kind) if x != field and not _same(getattr(near, x), getattr(owner, x))]
         numeric = all(_is_numeric(getattr(owner, x)) for x in others)
-        if _same(getattr(near, field), self.value) or {*others} & {*fields} or not numeric:
+        if _same(getattr(near, field), slot.value) or {*others} & {*fields} or not numeric:
             raise IncompatibleSystem(
                 f"Plan.gradient: {self.name} of {type(owner).__name__} is not used as it is given; give the "
                 "term the numbers that its energy uses"
             )
         slots = []
         for name in others:
-            value = getattr(owner, name)
-            by = np.zeros((count, width, _numbers(value).size // count))
+            follower = getattr(owner, name)
+            by = np.zeros((count, width, _numbers(follower).size // count))
             for k, unit in enumerate(units):
 
                 def numbers(e: float, name: str = name, unit: Any = unit) -> np.ndarray:
                     return _numbers(getattr(moved(unit, e), name)).reshape(count, -1)
 
                 by[:, k] = slope_of(numbers, APART) / sizes.reshape(count, width)[:, k, None]
-            slots.append(Slot(self, (*self.path[:-1], name), value, by))
+            slots.append(Slot(self, (*slot.path[:-1], name), follower, by))
         return slots
 
     def put(self, term: Any, varied: VariedParameter, path: tuple[str, ...]) -> Any:

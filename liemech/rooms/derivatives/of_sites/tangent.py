@@ -32,6 +32,7 @@ class Along:
 
     slopes: np.ndarray
     level = LEVEL
+    carry = None  # a direction is no motion, from which to go on
 
     def laid_out(self, state: Any) -> tuple[Any, np.ndarray]:
         """The state of the first site, and the numbers of all, each with its slope behind it."""
@@ -39,9 +40,6 @@ class Along:
         rows = both.reshape(-1, both.shape[-1])
         dual = layout_of(with_slopes(first_of(state), LEVEL))
         return build(dual, iter(rows[:, 0].tolist())), rows
-
-    def carry(self, *_: Any) -> None:
-        """A direction is no motion, from which to go on."""
 
     def elements(self, rows: np.ndarray) -> Any:
         """The elements of the sites, without their slopes."""

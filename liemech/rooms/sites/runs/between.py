@@ -115,7 +115,7 @@ class SitesDense(BetweenEnds):
         """The layouts, and the native code that looks inside of a step."""
         plan = Plan(self.system, self.method, rtol=1e-6, compiled=self.wanted, progress=False)
         starts = np.repeat(packed(self.example)[:, None], self.sites, axis=1)
-        return plan._sites.prepared(self.example, Planes(rows_of(starts), self.sites), True)
+        return plan._sites.shape_of(self.example, Planes(rows_of(starts), self.sites), True)
 
     @property
     def memory(self) -> np.ndarray:

@@ -362,8 +362,8 @@ class Procedure(Record):
     """How all sites are taken on.
 
     method : of one site.  control : of the steps.  memory, place : the layouts of what the method carries along for one
-    site, and of what the control does.  shown : the content of samples.  every : are there samples of all steps, or at
-    given times?  ending : where steps are cut; None: nowhere.  events : functions of time and totals whose changes of
+    site, and of what the control does.  shown : the content of samples.  all_steps : are there samples of all steps,
+    or at given times?  ending : where steps are cut; None: nowhere.  events : functions of time and totals whose changes of
     sign end a march, `named` an example of totals with their names, `counted` the content of these.
     """
 
@@ -372,7 +372,7 @@ class Procedure(Record):
     memory: Any
     place: Any
     shown: Shown
-    every: bool
+    all_steps: bool
     ending: Any
     events: tuple[Any, ...] = ()
     named: Any = None
@@ -406,7 +406,7 @@ def advance_sites(
     soon = SOON if everyone.method.looked_into else 0.5
     n, k = 0, 0
     moved = step_begin != step_begin
-    if procedure.every and not moved:
+    if procedure.all_steps and not moved:
         k = 1
     step_begin = read(clocks, 0, CLOCK).t if moved else step_begin
     unknown = tuple([float("nan") for _ in procedure.events])
@@ -427,7 +427,7 @@ def advance_sites(
         last = n == turns or not going(clock, goal)
         if procedure.events:
             last = last or read(march, MET, NUMBER) == 1.0
-        if procedure.every:
+        if procedure.all_steps:
             if moved:
                 everyone.settle(system, t, here)
                 each(seen, one_sample, everyone, system, t, here, shown, seen, totals, k)

@@ -18,11 +18,14 @@ from ....formulas.classes.layouts import NUMBER, layout_of
 from ....formulas.classes.records import names_of
 from ....simulation.between.dense import observe, unpacked
 from ....simulation.between.events import Events, Moving
-from ....simulation.compiled.control import TAKEN
+from ....simulation.compiled.control import LIMIT, TAKEN, TIME, go_on
 from ....simulation.compiled.execution import COLUMNS
 from ....simulation.keep import PieceOfBodies
 from ....systems.many.site_state import StateOfSites
 from .driver import MET
+from .execution import MOST
+from .failures import ended
+from .samples import EndsOfSteps
 from .states import kind_of
 
 TOTAL = "total"
@@ -51,7 +54,8 @@ class StepsOfSites(Moving):
     """The steps of a run, as events ask for them.  The numbers that these see are the totals, and behind them, if one is
     of the state of all sites, this state.
 
-    times, rows, totals : of where the last steps began and of their ends, as `SiteRun.ends` has them.
+    times, rows, totals : of where the last steps began, and of their ends, the times, what is kept of all sites, (n, width,
+    sites), and the totals.  kept : the ends of steps as the driver writes them; None where it asks events.
     here : (1 + numbers, 1) time and numbers where the run stands.  of_totals : the identities of events of totals.
     """
 
@@ -59,6 +63,7 @@ class StepsOfSites(Moving):
     between = SimpleNamespace(closer=False)
     events: Any = None
     times: Any = None
+    kept: Any = None
     fresh = True  # is the start still to be looked at?
 
     def __init__(self, run: Any, start: Any) -> None:
@@ -130,7 +135,7 @@ class StepsOfSites(Moving):
 
     def failed(self, error: Any) -> Any:
         """The error of a run of which an event failed."""
-        return self.run._ended(error, f"in an event at t = {error.asked_at:g}")
+        return ended(self.run, error, f"in an event at t = {error.asked_at:g}")
 
     # ---------------------------------------------------------------- inside of steps
 
@@ -138,10 +143,19 @@ class StepsOfSites(Moving):
         """The states of all sites, (width, sites), and the totals, at a time in step k."""
         for end in (k, k + 1):
             if t == self.times[end]:
-                return self.run.seen(self.rows[end]), self.totals[end]
-        inside: tuple[np.ndarray, np.ndarray]
-        inside = self.run.inside_step(self.rows[k : k + 2], *self.times[k : k + 2].tolist(), t)
+                return self.shown(self.rows[end]), self.totals[end]
+        begin, end = self.times[k : k + 2].tolist()
+        pair = None if self.run.shape.watched else self.rows[k : k + 2]  # still where the step has put it
+        inside: tuple[np.ndarray, np.ndarray] = self.run.inside_step(begin, end, t, pair)
         return inside
+
+    def shown(self, rows: np.ndarray) -> np.ndarray:
+        """The states of all sites, (..., width, sites), of what is kept of steps."""
+        shape = self.run.shape
+        if not shape.watched:
+            return rows[..., : shape.state.width, :]
+        states = [shape.shown_rows(x) for x in rows.reshape(-1, *rows.shape[-2:])]
+        return np.reshape(states, (*rows.shape[:-2], -1, self.run.count))
 
     def _numbers(self, rows: np.ndarray, totals: np.ndarray) -> np.ndarray:
         """The numbers that events read, of states of all sites, (..., width, sites), and totals, (..., totals)."""
@@ -165,17 +179,17 @@ class StepsOfSites(Moving):
         run where it was; where an event fails it stands before the step in which it does.
         """
         run, count = self.run, self.run.samples.made
-        stand, taken = run.stand, run.taken
+        stand, taken = (run._copy_of_all.copy(), run.clocks.copy(), run.march.copy()), run.taken
         values = [*self.events.each[0].values] if self.events else []
         ends: Any = None
         try:
-            ends = self.times, self.rows, self.totals = run.ends(1 if self.events and self.events.fresh else turns)
+            ends = self.times, self.rows, self.totals = self.ends(1 if self.events and self.events.fresh else turns)
             taken = run.taken - (len(self.times) - 1)
-            numbers = self._numbers(run.seen(self.rows), self.totals) if self.whole else self.totals
+            numbers = self._numbers(self.shown(self.rows), self.totals) if self.whole else self.totals
             out = np.column_stack([self.times, numbers])[:, :, None]
             hit = self._look(out, taken)
         except KeyboardInterrupt:
-            run.return_to(stand, 0)
+            self.return_to(stand, 0)
             run.samples.made = count
             if self.events:
                 self.events.each[0].values = values
@@ -187,13 +201,42 @@ class StepsOfSites(Moving):
             step = getattr(error, "step", 0)
             run.samples.return_to(self.times.item(step))
             self._keep_up_to(self.times.item(step), step)
-            run.return_to(stand, taken + step)
+            self.return_to(stand, taken + step)
             raise self.failed(error) from error.__cause__
         if hit is None:
             self._keep_up_to(self.times.item(-1), len(self.times) - 1)
         else:
             self._end(hit, stand, taken)
         self.here = out[-1]
+
+    def ends(self, turns: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Some more steps: of where they begin, and of their ends, the times, what is kept and the totals; where the driver
+        asks events, all that is carried along, of the last step.
+        """
+        run, now = self.run, self.run.clocks.item(TIME, 0)
+        if run.shape.watched:
+            run._steps(turns, run.samples)
+            times = np.array([run.march.item(3), run.clocks.item(TIME, 0)])
+            copies = np.array([run._in_copy(k) for k in range(2)])
+            onward, count = 2 * run._copy - 1, 1 if times[0] == times[1] else 2
+            return times[-count:], copies[::onward][-count:], run.samples.at_ends[::onward][-count:]
+        if self.kept is None:
+            self.kept = EndsOfSteps(run.shape, run.count)
+        kept = self.kept
+        kept.go_on(now)
+        run._steps(min(turns, kept.room), kept)
+        return kept.times[: kept.made], kept.rows, kept.totals[: kept.made]
+
+    def return_to(self, stand: tuple[np.ndarray, ...], steps: int) -> None:
+        """Let the run stand where it stood, or behind step number `steps`.  stand : memory, clock and march."""
+        run = self.run
+        run._copy_of_all[:], run.clocks[:], run.march[:] = stand
+        if steps > run.taken:
+            written = run.samples if run.shape.watched else self.kept
+            written.return_to(run.clocks.item(TIME, 0))
+            limit, run.goals[LIMIT] = run.goals[LIMIT].copy(), steps
+            run._steps(MOST, written)
+            run.goals[LIMIT] = limit
 
     def _look(self, out: np.ndarray, taken: int) -> Any:
         """Look at some steps: the zero that ends the run, or None.  out : times, and numbers that events see."""
@@ -228,9 +271,12 @@ class StepsOfSites(Moving):
             run.samples.end_at(at)
             run.samples.keep(rows, totals)
         if run.adaptive and not run.shape.watched:
-            run.return_to(stand, taken + step + 1)
+            self.return_to(stand, taken + step + 1)
         run.clocks[TAKEN] = taken + step + 1
-        run.end_in_step(at, rows)
+        run.t_end = at
+        if run.adaptive:  # which go on from there
+            run._begin_at(rows)
+            go_on(run.clocks[:, 0], at)
         if run.dense:
             lasting = run.shape.lasting
             part = part_of_way(whole[lasting:], (at - begin) / (end - begin), run.shape)
@@ -256,7 +302,7 @@ class StepsOfSites(Moving):
     def _keep(self, ends: np.ndarray) -> None:
         """Keep samples at some ends of steps."""
         if len(ends):
-            self.run.samples.keep(self.run.seen(self.rows[ends]), self.totals[ends])
+            self.run.samples.keep(self.shown(self.rows[ends]), self.totals[ends])
 
 
 def part_of_way(curve: np.ndarray, part: float, shape: Any) -> np.ndarray:

@@ -17,6 +17,9 @@ WORTH = 100
 LONG = 50
 """Steps that an adaptive run is expected to take."""
 
+MOST = 2**30
+"""Steps of a call, at most."""
+
 
 class SiteExecution(Execution):
     """How runs execute one driver: in native code as soon as there is much to do, because plain

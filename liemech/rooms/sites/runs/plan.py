@@ -76,17 +76,17 @@ class SitesOfPlan:
         site = plan._one.site_form
         return cls(plan, with_lists(plan._one, site))
 
-    def prepared(
-        self, first: State, starts: Planes, inside: bool, every: bool = False, level: float | None = None
+    def shape_of(
+        self, first: State, starts: Planes, inside: bool, all_steps: bool = False, level: float | None = None
     ) -> Any:
-        """Layouts and native code for starts whose first site is like this one.  inside : is what lies inside
-        of steps asked for?  every : are all steps looked at?  level : of the derivative that its numbers carry along.
+        """The shape of runs from starts whose first site is like this one.  inside : is what lies inside of steps asked
+        for?  all_steps : are all of them looked at?  level : of the derivative that its numbers carry along.
         """
-        from .prepared import Prepared
+        from .shape import SiteShape
 
-        key = layout_of(first), inside, every
+        key = layout_of(first), inside, all_steps
         if key not in self.known:
-            self.known[key] = Prepared(self.plan, self.site, first, starts, inside, every, level)
+            self.known[key] = SiteShape(self.plan, self.site, first, starts, inside, all_steps, level)
         return self.known[key]
 
     def started(self, plan: Any, start: Any, t0: float = 0.0) -> Any:
@@ -124,27 +124,27 @@ class SitesOfPlan:
             return False
         return True
 
+    @property
+    def quantities(self) -> dict[str, Any]:
+        """What is recorded of the state, by name."""
+        recorder = self.plan.recorder
+        return {} if recorder is None else recorder.quantities
+
     @functools.cached_property
     def functions(self) -> list[tuple[str, str, Callable[..., Any]]]:
         """Names of the user's functions, of what they are, and the functions themselves."""
-        recorder = self.plan.recorder
-        functions = [] if recorder is None else [*recorder.quantities.items()]
-        functions += [(name_of(event), event) for event in self.plan.events]
+        functions = [*self.quantities.items(), *((name_of(event), event) for event in self.plan.events)]
         return [(name, second(x), x) for name, x in functions if not isinstance(x, str)]
 
     @functools.cached_property
     def summed(self) -> dict[str, Any]:
         """Recorded sums over all sites, by name."""
-        whole = self.of_all
-        recorder = self.plan.recorder
-        quantities = {} if recorder is None else recorder.quantities
-        return {name: x for name, x in quantities.items() if name not in whole}
+        return {name: x for name, x in self.quantities.items() if name not in self.of_all}
 
     @functools.cached_property
     def of_all(self) -> dict[str, Callable[..., Any]]:
         """Recorded functions of the state of all sites together, by name; those of linkages are found at the end."""
-        recorder = self.plan.recorder if not self.site.jointed else None
-        quantities = {} if recorder is None else recorder.quantities
+        quantities = {} if self.site.jointed else self.quantities
         return {name: x for name, of, x in self.functions if of not in OF_SITES and name in quantities}
 
     @functools.cached_property
@@ -164,16 +164,14 @@ class SitesOfPlan:
 
     def _require_places(self) -> None:
         """Raise InvalidInput for a function of a site among events, and of totals where there are none."""
-        recorder, events = self.plan.recorder, self.plan.events
-        quantities = {} if recorder is None else recorder.quantities
         for name, of, function in self.functions:
-            event = any(function is x for x in events)
+            event = any(function is x for x in self.plan.events)
             if of == "site" and event:
                 raise InvalidInput(
                     f"integrate: the event {name}(t, site) is of one site, and events are of totals over all "
                     "that record= names, or of the state: events=[lambda t, total: total.spin[2]]"
                 )
-            if of == "total" and not (event and quantities):
+            if of == "total" and not (event and self.quantities):
                 raise InvalidInput(
                     f"integrate: {name}(t, total) is an event of totals over all sites, which record= "
                     'names: record=[("spin", lambda t, site: site.mu)]'

@@ -11,23 +11,23 @@ from typing import Any
 import numpy as np
 
 from ....compiler.sites.planes import Planes
-from ....errors import IntegrationFailure, InvalidInput, NoConvergence
+from ....errors import InvalidInput, NoConvergence
 from ....formulas.classes.layouts import layout_of
 from ....formulas.classes.nested import records_in
 from ....formulas.sites import SiteArray, SiteTable, one_site, padded, rows_of
 from ....simulation import arguments
 from ....simulation.between.dense import unpacked
-from ....simulation.compiled.control import FRESH, GOAL, LAST_TIME, LIMIT, MARK, REJECTED, STEP, TAKEN, TIME, go_on
+from ....simulation.compiled.control import FRESH, GOAL, LAST_TIME, LIMIT, MARK, REJECTED, STEP, TAKEN, TIME
 from ....simulation.runs.carry import SiteCarry
+from ....simulation.runs.course import Course
 from ....simulation.runs.equal import affordable, at_steps
 from ....simulation.runs.jumps import Ways, beyond_jump, stretches, until_jumps
 from ....simulation.runs.tolerance import limit_of, too_many
-from ....systems.in_time.inputs import has_inputs
 from ....systems.many.site_state import StateOfSites
 from .driver import COPIES, MET, Moment, one_inside, one_start
 from .events import StepsOfSites
-from .execution import LONG, SiteExecution
-from .failures import RunWithReasons
+from .execution import LONG, MOST, SiteExecution
+from .failures import ended, fail, first_reason, hopeless, too_small_steps
 from .lists import STEP as SHORT
 from .lists import Lists
 from .samples import EndsOfSteps, SamplesOfSites
@@ -36,20 +36,24 @@ from .states import as_users_see, by_site, first_of, site_rows, state_of_rows
 PATIENCE = 0.1
 """Seconds between two looks at the keyboard."""
 
-MOST = 2**30
-"""Steps of a call, at most."""
 
-
-class SiteRun(RunWithReasons):
+class SiteRun(Course):
     """One run of one system of many sites: what bodies are in other runs is here one system, whose columns
     are its sites.
 
-    clocks, goals : of the control, a column.  sites : the memory of the method at all sites, of which `place` says the
-    copy where the sites are.  march : how far the driver has come.  shape : layouts and native code.  samples : what is
-    kept.  steps_seen : where all steps are looked at; None: at no step.  ways : of the whole way of adaptive steps, of
-    every end of a step the time and the memory.  jumps_ahead : of the velocity, last ones first.  lists : of neighbours.
-    bench : a run beside this one that makes single shorter steps.  level : of the derivative that numbers carry along.
-    overflowed : the first site with numbers that are not finite, of a step that failed.
+    shape : layouts and native code of runs like this.  site : the system of one site, with the `lists` of its neighbours.
+    state : at the start, of `count` sites.  t0, first : the time of step 0, and the steps before this run, which begins at
+    t_start.  fixed_times : are times of samples asked for?
+
+    Where it stands: `sites` is the memory of the method at all sites, of which `place` says the copy where they are.
+    clocks, goals : of the control, a column.  march : how far the driver has come.  ended_by : the event that ended it.
+    jumps_ahead : of the velocity, last ones first.  failures, notes, overflowed : of a step that failed what plain Python
+    saw, and the first sites where native code did, and where numbers are not finite.
+
+    samples : what is kept; `of_all` of functions of the state, by name.  observer : of all steps; None if none is looked
+    at.  ways : of the whole way of adaptive steps, of every end of a step the time and the memory.
+    pace : the steps of the next call.  executions : who runs drivers.  bench : a run beside this one that makes single
+    shorter steps.  level : of the derivative that numbers carry along.
     """
 
     by_sites = True
@@ -60,9 +64,8 @@ class SiteRun(RunWithReasons):
     dense = each_end = False  # is the way of all adaptive steps kept, and are there samples at their ends?
     quantities: Any = None  # functions of samples
     events: Any = None
-    looked_at_by: Any = StepsOfSites
-    steps_seen: Any = None
-    kept_steps: Any = None
+    kind_of_observer: Any = StepsOfSites
+    observer: Any = None
     bench: Any = None
     overflowed: int | None = None
 
@@ -70,38 +73,30 @@ class SiteRun(RunWithReasons):
         self, plan: Any, site: Any, start: Any, t0: float, steps: Any, t_end: Any, t_eval: Any,
         checkpoint: Any = None,
     ) -> None:  # fmt: skip
-        self.plan, self.site, self.checkpoint, self.prepared = plan, site, checkpoint, plan._steps
+        self.plan, self.site, self.checkpoint, self.way = plan, site, checkpoint, plan._steps
         self.adaptive, self.workers = plan.adaptive, plan.options.workers
         fresh = isinstance(start, StateOfSites)
         state = by_site(plan._one, start if fresh else start.state)
         self.state, self.count = state, state.sites
-        zero: tuple[float, int] = (t0, 0) if fresh else (start.t0, start.step)
-        self.t0, self.first = zero
+        self.t0, self.first = (t0, 0) if fresh else (start.t0, start.step)
         self.t_start = t0 if fresh else start.t
         self.lists: Any = Lists.of(plan._one, site) if plan._sites.listed else None
         if self.lists is not None:
-            self.site = site = self.lists.at(np.asarray(state.parts["g"]))
+            self.site = self.lists.at(np.asarray(state.parts["g"]))
         if self.lists is not None or self.count not in plan._sites.fitting:
-            require_fitting(site, self.count)
+            require_fitting(self.site, self.count)
             plan._sites.fitting.add(self.count)
         self.fixed_times = t_eval is not None
         asked, times = self.aim(steps, t_end, t_eval)
         inner = (asked != self.t_start) & (asked != self.t_end)
-        every = self._looks
-        inside = bool(every or (inner.any() if self.adaptive else self.fixed_times and plan._sites.places is not None))
+        all_steps = bool(plan.events or self.dense or self.each_end)
+        inside = all_steps or (inner.any() if self.adaptive else self.fixed_times and plan._sites.places is not None)
         first, rows = self.laid_out(state)
         self.starts: Any = self._planes(rows)
-        self.shape = shape = plan._sites.prepared(first, self.starts, inside, every, self.level)
+        self.shape = shape = plan._sites.shape_of(first, self.starts, bool(inside), all_steps, self.level)
         self.h, self.pace = shape.h, shape.paces.get(self.count, 1)
-        chosen = None if plan.recorder is None else plan.recorder.sites
         self.of_all: dict[str, list[Any]] = {name: [] for name in plan._sites.of_all}
-        if self.of_all and not plan.recorder.parts and chosen is None:
-            chosen = []  # states are looked at, and not kept
-        wide = shape.state.width if shape.keeps else 0
-        width_of_row = padded(self.count) if chosen is None else len(chosen)
-        affordable(8 * len(asked) * max(1, wide) * width_of_row, self.steps, self.every)
-        beside = self._look_at_all if self.of_all else None
-        self.samples = SamplesOfSites(shape, self.count, asked, times, chosen, beside)
+        self.samples = self._samples_at(asked, times)
         self.sites = self._room_for(shape.memory.width)
         self.out = np.empty(1)
         self._blank()
@@ -112,8 +107,20 @@ class SiteRun(RunWithReasons):
             self._begin()
         else:
             self._take_up(start)
-        if every:
-            self.steps_seen = self.looked_at_by(self, start)
+        if all_steps:
+            self.observer = self.kind_of_observer(self, start)
+
+    def _samples_at(self, asked: Any, times: Any) -> SamplesOfSites:
+        """Room for samples at times as they were asked for, and as the driver meets them."""
+        recorder, shape = self.plan.recorder, self.shape
+        chosen = None if recorder is None else recorder.sites
+        if self.of_all and not recorder.parts and chosen is None:
+            chosen = []  # states are looked at, and not kept
+        wide = shape.state.width if shape.keeps else 0
+        width_of_row = padded(self.count) if chosen is None else len(chosen)
+        affordable(8 * len(asked) * max(1, wide) * width_of_row, self.steps, self.every)
+        beside = self._look_at_all if self.of_all else None
+        return SamplesOfSites(shape, self.count, asked, times, chosen, beside)
 
     def _room_for(self, width: int) -> Planes:
         """Memory for all sites: two copies of what the method carries along, more where steps are cut."""
@@ -139,16 +146,16 @@ class SiteRun(RunWithReasons):
     def aim(self, steps: Any, t_end: Any, t_eval: Any) -> tuple[Any, Any]:
         """Set clock and goal; the times of samples as they were asked for, and as the driver meets them."""
         self.jumps_ahead: Ways = []
-        steps_of_plan, self.every = self.prepared, self.plan.options.every
+        way, self.every = self.way, self.plan.options.every
         if not self.adaptive:
             self.steps = self.plan._count(steps, t_end, self.t0, self.first)
-            last, h = self.first + self.steps, steps_of_plan.h
+            last, h = self.first + self.steps, way.h
             inner = np.arange(self.first // self.every + 1, -(-last // self.every)) * self.every
-            self.numbers = np.array([self.first, *inner, *([last] if self.steps else [])])
+            numbers = np.array([self.first, *inner, *([last] if self.steps else [])])
             self.t_end = self.t0 + last * h
             self._set_out(self.t0, h, self.first, last)
             if t_eval is None:
-                times = self.t0 + self.numbers * h
+                times = self.t0 + numbers * h
                 return times, times
             times_asked = np.asarray(arguments.times(t_eval, self.t_start, self.t_end))
             return times_asked, at_steps(times_asked, self.t0, h)
@@ -158,11 +165,9 @@ class SiteRun(RunWithReasons):
         ends = np.array([self.t_start, end] if end != self.t_start else [end])
         self.dense, self.each_end = self._kept(asked)
         self.ways: list[tuple[float, np.ndarray]] = []
-        self._set_out(self.t_start, steps_of_plan.first(self.t_start, end), 0, self.steps)
-        self.goals[:4, 0] = end, steps_of_plan.rtol, steps_of_plan.atol, steps_of_plan.longest
-        jumps = (
-            steps_of_plan.jumps(self.t_start, end) if steps_of_plan.breaks or has_inputs(steps_of_plan.system) else ()
-        )
+        self._set_out(self.t_start, way.first(self.t_start, end), 0, self.steps)
+        self.goals[:4, 0] = end, way.rtol, way.atol, way.longest
+        jumps = () if way.smooth else way.jumps(self.t_start, end)
         pieces = stretches(jumps, self.t_start, end)
         self.jumps_ahead = until_jumps(self.clocks[:, 0], self.goals[:, 0], self.t_start, pieces)
         asked = (ends[:1] if self.each_end else ends) if asked is None else asked
@@ -194,7 +199,7 @@ class SiteRun(RunWithReasons):
         notes = self.executing(shape.beginning).drive(sites, arguments, (), [done], failures)
         if not done[0]:
             error = self._why(failures, notes or 0, lambda i: one_site(self.count, i, one_start, *arguments))
-            raise self._ended(error, f"at the start, t = {self.t_start:g}")
+            raise ended(self, error, f"at the start, t = {self.t_start:g}")
         self.starts = None
 
     def _take_up(self, start: SiteCarry) -> None:
@@ -205,8 +210,8 @@ class SiteRun(RunWithReasons):
         numbers = self.shape.taken_up(start.numbers, self.count)
         self.sites.array[:width] = self._planes(numbers).array
         if self.adaptive:
-            clock, beyond = self.clocks[:, 0], self.clocks[TIME, 0] != self.t_start
-            if not beyond:
+            clock = self.clocks[:, 0]
+            if clock[TIME] == self.t_start:  # and not beyond a jump there
                 clock[:] = start.clock
                 clock[[TAKEN, REJECTED, MARK]] = 0.0
                 if clock[STEP] * (self.t_end - self.t_start) < 0.0:
@@ -239,16 +244,30 @@ class SiteRun(RunWithReasons):
         """A call of some steps, or a look at where the run stands."""
         if not (self._going or self._pending):
             return None
-        done, turns = self.taken, 0 if self._pending and self.steps_seen is not None else self.pace
+        done, turns = self.taken, 0 if self._pending and self.observer is not None else self.pace
         if self.checkpoint is not None and turns:
             turns = max(1, self.checkpoint.within(turns))
         self._go(turns)
         return self.taken - done
 
     def _go(self, turns: int) -> None:
-        """Some steps at most, and what they come to; the next ones are as many as end soon."""
+        """Some more steps, up to where something is to be looked at, and what they come to; the next ones are as many as
+        end soon.
+        """
         since = time.perf_counter()
-        self._call(turns)
+        before = self._elements() if self.lists is not None and turns else None
+        if before is not None:
+            self.site = self.lists.at(before)
+        if self.observer is None:
+            self._steps(turns, self.samples)
+        else:
+            self.observer.go(turns)
+        if before is not None and not self.lists.held(before, self._elements()):
+            error = NoConvergence(
+                f"a site moved further than {SHORT:g} of the {self.lists.skin:.3g} by which lists of "
+                "neighbours reach beyond the cutoff; take a smaller step"
+            )
+            raise ended(self, error, f"step {self.taken}, t = {self.clocks[0, 0]:g}")
         self._attend()
         used = time.perf_counter() - since
         if turns:
@@ -257,16 +276,12 @@ class SiteRun(RunWithReasons):
     def require_ends(self) -> None:
         t = self.clocks.item(TIME, 0)
         if self.adaptive and t != self.t_end and self.ended_by is None:
-            raise self._with_run(too_many(self.steps, t, self.t_end), None)
+            raise too_many(self.steps, t, self.t_end)
 
     def so_far(self) -> str:
         whole = "" if self.adaptive else f" of {self.first + self.steps}"
         at = f"after {self.taken}{whole} steps, t = {self.clocks[TIME, 0]:g}"
         return f"{at}; {self.samples.made} samples are in `.trajectory`"
-
-    def _stopped(self, error: Any) -> Any:
-        """As of every run; errors of steps have theirs already."""
-        return super()._stopped(error) if isinstance(error, KeyboardInterrupt) else error
 
     def _quicker(self, pace: int, used: float) -> int:
         """How many steps the next call makes, by the seconds that this one has used."""
@@ -307,25 +322,9 @@ class SiteRun(RunWithReasons):
     @property
     def _pending(self) -> bool:
         """Is something to be looked at where the run stands?"""
-        if self.steps_seen is not None:
-            return self.ended_by is None and self.steps_seen.fresh
+        if self.observer is not None:
+            return self.ended_by is None and self.observer.fresh
         return self.ended_by is None and bool(self.samples.due == self.clocks[TIME, 0])
-
-    def _call(self, turns: int) -> None:
-        """Some more steps, up to where something is to be looked at."""
-        before = self._elements() if self.lists is not None and turns else None
-        if before is not None:
-            self.site = self.lists.at(before)
-        if self.steps_seen is None:
-            self._steps(turns, self.samples)
-        else:
-            self.steps_seen.go(turns)
-        if before is not None and not self.lists.held(before, self._elements()):
-            error = NoConvergence(
-                f"a site moved further than {SHORT:g} of the {self.lists.skin:.3g} by which lists of "
-                "neighbours reach beyond the cutoff; take a smaller step"
-            )
-            raise self._ended(error, f"step {self.taken}, t = {self.clocks[0, 0]:g}")
 
     def _steps(self, turns: int, samples: Any) -> None:
         """Some more steps by the driver, which writes these samples."""
@@ -375,7 +374,7 @@ class SiteRun(RunWithReasons):
         if room is not None:
             times = np.full(1 if self.shape.shown.quantities else 0, np.nan)
             beside.samples = SamplesOfSites(self.shape, self.count, times, times)
-            if self.shape.procedure.every:
+            if self.shape.procedure.all_steps:
                 beside.samples = EndsOfSteps(self.shape, self.count, room)
         return beside
 
@@ -392,13 +391,10 @@ class SiteRun(RunWithReasons):
         bench.samples.times[:], bench.samples.made = begin + h, 0
         bench._set_out(begin, h, 0, 1)
         bench._blank()
-        try:
-            bench._begin_at(rows)
-            bench._steps(1, bench.samples)
-            if bench.clocks[MARK, 0] != 0.0:
-                bench._fail()
-        except IntegrationFailure as error:
-            raise self._with_run(error, getattr(error, "site", None)) from error.__cause__
+        bench._begin_at(rows)
+        bench._steps(1, bench.samples)
+        if bench.clocks[MARK, 0] != 0.0:
+            bench._fail()
         return self.shape.shown_rows(bench._memory), bench.samples.totals[bench.samples.made - 1 :].ravel()
 
     def _begin_at(self, rows: np.ndarray) -> None:
@@ -416,18 +412,28 @@ class SiteRun(RunWithReasons):
 
     # ---------------------------------------------------------------- between two calls
 
+    names_place = False  # does the error of a step say at which site, or joint, it failed?
+
+    def _fail(self) -> None:
+        """Raise the error of a step that could not be made, or let adaptive steps become shorter."""
+        fail(self)
+
+    def _why(self, failures: list[Any], first: int, again: Any) -> Any:
+        """The error for which a formula failed, as of `first_reason`."""
+        return first_reason(self, failures, first, again)
+
     def _attend(self) -> None:
         """Look at what the driver has come to a stand for."""
         clock, step_begin, samples = self.clocks[:, 0], self.march.item(3), self.samples
         t = float(clock[TIME])
         if self.ended_by is not None:
             return
-        while self.steps_seen is None and (samples.due - t) * (t - step_begin) < 0.0:
-            samples.keep(*self.looked(samples.due, step_begin, t))
+        while self.observer is None and (samples.due - t) * (t - step_begin) < 0.0:
+            samples.keep(*self.inside_step(step_begin, t, samples.due))
         if clock[MARK] != 0.0:
             self._fail()
-        elif self.adaptive and self.failures and self._hopeless:
-            raise self._too_small(self.failures[-1])
+        elif self.adaptive and self.failures and hopeless(self):
+            raise too_small_steps(self, self.failures[-1])
         elif self.jumps_ahead and t == self.goals[LAST_TIME, 0] and t != self.t_end:
             beyond_jump(clock, self.goals[:, 0], self.jumps_ahead, self.t_end)
 
@@ -443,94 +449,34 @@ class SiteRun(RunWithReasons):
                     value = np.asarray(function(t, state), dtype=float)
                 except Exception as error:
                     self.samples.made = first + k
-                    raise self._ended(error, f"in {name}(t, state) at t = {t:g}") from None
+                    raise ended(self, error, f"in {name}(t, state) at t = {t:g}") from None
                 del self.of_all[name][first + k :]
                 self.of_all[name].append(value)
 
-    def looked(self, at: float, begin: float, end: float) -> tuple[np.ndarray, np.ndarray]:
-        """The states of all sites at a time in the last step, (width, sites), and the totals of what is recorded."""
-        if self.adaptive:
-            return self._on_the_way(self.sites, Moment(at, (at - begin) / (end - begin), float(self._copy)))
-        return self._stepped(self.shape.shown_rows(self._in_copy(1 - self._copy)), begin, at)
+    def inside_step(self, begin: float, end: float, at: float, pair: Any = None) -> tuple[np.ndarray, np.ndarray]:
+        """The states of all sites, (width, sites), and the totals of what is recorded, at a time in a step.
 
-    def _on_the_way(self, sites: Planes, moment: Moment) -> tuple[np.ndarray, np.ndarray]:
-        """The states of all sites and the totals inside of an adaptive step.  sites : the memory at its ends."""
-        shape = self.shape
-        seen, totals, failures, notes = shape.look(
-            self.executing(shape.looking), self.site, moment, sites, self.workers
-        )
+        pair : what is kept of both ends, (2, width, sites); None for the last step, which is in the memory.
+        """
+        if not self.adaptive:
+            before = self.shape.shown_rows(self._in_copy(1 - self._copy)) if pair is None else pair[0]
+            return self._stepped(before, begin, at)
+        shape, sites, copy_at_end = self.shape, self.sites, self._copy
+        if pair is not None:
+            sites, copy_at_end = Planes(rows_of(pair.reshape(-1, self.count)), self.count), 1
+        moment = Moment(at, (at - begin) / (end - begin), float(copy_at_end))
+        looking = self.executing(shape.looking)
+        seen, totals, failures, notes = shape.look(looking, self.site, moment, sites, self.workers)
         if failures is not None:
             again = shape.within, self.site, moment, sites, seen, totals
             error = self._why(failures, notes, lambda i: one_site(self.count, i, one_inside, *again))
-            raise self._ended(error, f"inside of a step, t = {moment.t:g}")
+            raise ended(self, error, f"inside of a step, t = {at:g}")
         return seen.array[:, : self.count], totals[: self.samples.totals.shape[1]]
-
-    # ---------------------------------------------------------------- where all steps are looked at
 
     def state_of_all(self, rows: np.ndarray) -> Any:
         """The state of all sites as functions of it see it."""
         system = self.plan._one
         return system._written_out(as_users_see(system, state_of_rows(self.shape.state, rows)))
-
-    def ends(self, turns: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Some more steps: of where they begin, and of their ends, the times, what is kept of all sites, (n, width,
-        sites), and the totals; where the driver asks events, all that is carried along, of the last step.
-        """
-        if self.shape.watched:
-            self._steps(turns, self.samples)
-            times = np.array([self.march.item(3), self.clocks.item(TIME, 0)])
-            copies = np.array([self._in_copy(k) for k in range(2)])
-            onward, count = 2 * self._copy - 1, 1 if times[0] == times[1] else 2
-            return times[-count:], copies[::onward][-count:], self.samples.at_ends[::onward][-count:]
-        if self.kept_steps is None:
-            self.kept_steps = EndsOfSteps(self.shape, self.count)
-        ends = self.kept_steps
-        ends.go_on(self.clocks.item(TIME, 0))
-        self._steps(min(turns, ends.room), ends)
-        return ends.times[: ends.made], ends.rows, ends.totals[: ends.made]
-
-    def inside_step(self, pair: np.ndarray, begin: float, end: float, at: float) -> tuple[np.ndarray, np.ndarray]:
-        """The states of all sites, (width, sites), and the totals inside of a step.  pair : what is kept of its ends."""
-        if self.shape.watched:  # the pair is still where the step has put it
-            return self.looked(at, begin, end)
-        if not self.adaptive:
-            return self._stepped(pair[0], begin, at)
-        sites = Planes(rows_of(pair.reshape(-1, self.count)), self.count)
-        return self._on_the_way(sites, Moment(at, (at - begin) / (end - begin), 1.0))
-
-    def seen(self, rows: np.ndarray) -> np.ndarray:
-        """The states of all sites, (..., width, sites), of what is kept of steps."""
-        if not self.shape.watched:
-            return rows[..., : self.shape.state.width, :]
-        states = [self.shape.shown_rows(x) for x in rows.reshape(-1, *rows.shape[-2:])]
-        return np.reshape(states, (*rows.shape[:-2], -1, self.count))
-
-    @property
-    def _looks(self) -> bool:
-        """Are all steps looked at?"""
-        return bool(self.plan.events or self.dense or self.each_end)
-
-    @property
-    def stand(self) -> tuple[np.ndarray, ...]:
-        """A copy of where the run stands."""
-        return self._copy_of_all.copy(), self.clocks.copy(), self.march.copy()
-
-    def return_to(self, stand: tuple[np.ndarray, ...], steps: int) -> None:
-        """Stand where the run stood, or behind step number `steps`."""
-        self._copy_of_all[:], self.clocks[:], self.march[:] = stand
-        if steps > self.taken:
-            written = self.samples if self.shape.watched else self.kept_steps
-            written.return_to(self.clocks.item(TIME, 0))
-            limit, self.goals[LIMIT] = self.goals[LIMIT].copy(), steps
-            self._steps(MOST, written)
-            self.goals[LIMIT] = limit
-
-    def end_in_step(self, at: float, rows: np.ndarray) -> None:
-        """End where an event does, in these states of all sites: adaptive steps go on from there."""
-        self.t_end = at
-        if self.adaptive:
-            self._begin_at(rows)
-            go_on(self.clocks[:, 0], at)
 
     # ---------------------------------------------------------------- what came of it
 
@@ -548,7 +494,7 @@ class SiteRun(RunWithReasons):
         if self.adaptive:
             h = float((self.clocks[TIME, 0] - self.t_start) / max(1, self.most))
             rejected = int(self.clocks[REJECTED, 0])
-        fields = {"h": h, "rejected": rejected, "breaks": self.prepared.breaks}
+        fields = {"h": h, "rejected": rejected, "breaks": self.way.breaks}
         if self.dense:
             from .between import SitesDense
 

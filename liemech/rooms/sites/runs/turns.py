@@ -23,6 +23,7 @@ from ..parts_of_spins import Bonds, turned_by
 from ..spin_splittings import terms_of
 from ..steps_together import StepsTogether, copied
 from .driver import OVERFLOW
+from .failures import ended
 from .run import SiteRun
 
 # ------------------------------------------------------------------ the steps
@@ -243,4 +244,4 @@ class TurnsRun(SiteRun):
         error: Any = NotFinite(OVERFLOW)
         if self.overflowed is not None:
             error.site = self.overflowed
-        raise self._ended(error, f"after step {self.taken}, t = {self.clocks.item(TIME, 0):g}")
+        raise ended(self, error, f"after step {self.taken}, t = {self.clocks.item(TIME, 0):g}")

@@ -1,4 +1,4 @@
-"""Layouts and native code that runs of many sites have in common which begin alike."""
+"""The shape of runs of many sites: layouts and native code that those have in common which begin alike."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ SOME = 3
 """Sites among which a formula is tried whose layout alone is asked for."""
 
 
-class Prepared:
+class SiteShape:
     """The layouts and the native code of runs of a plan whose starts are alike.
 
     beginner : how sites begin.  procedure : how they are taken on.  state : the layout of what is shown of one
@@ -54,7 +54,7 @@ class Prepared:
     """
 
     def __init__(
-        self, plan: Any, site: Any, first: State, starts: Planes, inside: bool, every: bool, level: float | None
+        self, plan: Any, site: Any, first: State, starts: Planes, inside: bool, all_steps: bool, level: float | None
     ) -> None:
         steps, layout = plan._steps, layout_of(first)
         self.plan, self.site, control, place = plan, site, Equal(True), PLACE  # type: Any, Any, Any, Any
@@ -81,11 +81,13 @@ class Prepared:
         self.keeps, quantities, totals = self._shown(example, sites_to_try, starts)
         names = totals_class(tuple(plan._sites.summed) if quantities else ())
         self.named = names(*build(totals, iter([0.0] * totals.width)))
-        self.watched = every and plan._sites.of_totals and all(compiles(plan, x, self.named) for x in plan.events)
-        every = every and not self.watched
-        whole = every and plan.adaptive
-        self.shown = shown = Shown(every or self.keeps, whole, self.memory if whole else self.state, quantities, totals)
-        self.procedure = Procedure(method, control, self.memory, place, shown, every, ending)
+        self.watched = all_steps and plan._sites.of_totals and all(compiles(plan, x, self.named) for x in plan.events)
+        all_steps = all_steps and not self.watched
+        whole = all_steps and plan.adaptive
+        self.shown = shown = Shown(
+            all_steps or self.keeps, whole, self.memory if whole else self.state, quantities, totals
+        )
+        self.procedure = Procedure(method, control, self.memory, place, shown, all_steps, ending)
         if self.watched:
             counted, shown = with_fields(shown, kept=False), with_fields(shown, quantities=())
             self.procedure = with_fields(
