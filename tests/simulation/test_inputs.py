@@ -263,7 +263,7 @@ def test_tables_and_ramps_are_inputs(compiled: bool) -> None:
         loop.step(3, torque=table)
         other.step(3)
         same(loop, other)
-    assert loop._known["torque"].places is not None
+    assert loop._inputs["torque"].places is not None
     ramp = lm.loops.Ramp(COMMANDS[0])
     plan = lm.Plan(satellite(ramp), lm.RKMK(order=4), h=2.0**-6, compiled=compiled)
     loop = plan.stepper(START)

@@ -46,11 +46,15 @@ class Stepper:
     Threads may share it: one steps at a time.  It can be pickled, and goes on where it stood.
     """
 
+    # _first_plan, _first_carry : where it began.  _plan : with the inputs as they were last settled, of which `_held` has
+    # values of later.  _carry : from which `_here` goes on, what steps in memory; None for plain Python.  _inputs : those
+    # that were given once, by the names that were given.
+
     def __init__(self, plan: Any, carry: Any) -> None:
-        self._given, self._begun = plan, carry
+        self._first_plan, self._first_carry = plan, carry
         self._plan, self._lock = plan, threading.RLock()
-        self._known: dict[str, Input] = {}
-        self._held: dict[str, Any] = {}  # values that `_plan` does not have yet
+        self._inputs: dict[str, Input] = {}
+        self._held: dict[str, Any] = {}
         self._stand(carry)
 
     def step(self, steps: int = 1, **inputs: Any) -> None:
@@ -90,9 +94,9 @@ class Stepper:
         Raises InvalidInput as `Plan.stepper` and `step` do.
         """
         with self._lock:
-            other = (self._begun if start is None and t0 is None
-                     else self._given.stepper(self.start if start is None else start, t0).carry)  # fmt: skip
-            self._plan, self._begun, self._held = self._given, other, {}
+            other = (self._first_carry if start is None and t0 is None
+                     else self._first_plan.stepper(self.start if start is None else start, t0).carry)  # fmt: skip
+            self._plan, self._first_carry, self._held = self._first_plan, other, {}
             self._stand(other)
             if inputs:
                 self._set(inputs)
@@ -128,7 +132,7 @@ class Stepper:
         """The values of all inputs that were given, by their full names."""
         with self._lock:
             systems, values_by_name = each_of(self.plan.system), {}
-            for entry in {x.name: x for x in self._known.values()}.values():
+            for entry in {x.name: x for x in self._inputs.values()}.values():
                 values = [parameter(system, entry.name) for system in systems]
                 alone = len(values) == 1 or entry.shape is None
                 values_by_name[entry.name] = values[0] if alone else np.array(values)
@@ -137,7 +141,7 @@ class Stepper:
     @property
     def start(self) -> State:
         """The state in which it began."""
-        state: State = self._begun.state
+        state: State = self._first_carry.state
         return state
 
     @property
@@ -222,7 +226,7 @@ class Stepper:
 
     def __reduce__(self) -> tuple[Any, ...]:
         with self._lock:
-            return _again, (self._given, self._begun, self.plan, self.carry, [*self._known])
+            return _unpickled, (self._first_plan, self._first_carry, self.plan, self.carry, [*self._inputs])
 
     def __repr__(self) -> str:
         return f"Stepper({self._plan.method!r}: {self.steps} steps to t = {self.t})"
@@ -231,10 +235,10 @@ class Stepper:
 
     def _set(self, inputs: dict[str, Any]) -> None:
         """Give parameters other values, all of them or none."""
-        bodies, inputs_by_name, new = self._carry.bodies, self._known, []
+        bodies, new = self._carry.bodies, []
         held, body = self._held.copy(), self._here
         for name, value in inputs.items():
-            entry = inputs_by_name.get(name) or self._input(name)
+            entry = self._inputs.get(name) or self._input(name)
             numbers = entry.numbers(value) if bodies is None else entry.columns(value, bodies)
             new.append(Held(entry, numbers, value))
             held[entry.name] = new[-1]
@@ -257,8 +261,8 @@ class Stepper:
             )
         system = each_of(self._plan.system)[0]
         full = full_name(system, name, "Stepper.step")
-        former = next((entry for entry in self._known.values() if entry.name == full), None)
-        self._known[name] = entry = former or Input(system, full, "Stepper.step")
+        former = next((entry for entry in self._inputs.values() if entry.name == full), None)
+        self._inputs[name] = entry = former or Input(system, full, "Stepper.step")
         return entry
 
     def _plan_with(self, held: dict[str, Held]) -> Any:
@@ -346,9 +350,9 @@ class Stepper:
             steps -= count
 
 
-def _again(plan_given: Any, start: Any, plan: Any, carry: Any, names: list[str]) -> Stepper:
+def _unpickled(first_plan: Any, first_carry: Any, plan: Any, carry: Any, names: list[str]) -> Stepper:
     """A stepper from a file or another process, at this carry, with these inputs known."""
-    stepper = Stepper(plan_given, start)
+    stepper = Stepper(first_plan, first_carry)
     stepper._plan = plan
     stepper._stand(carry)
     for name in names:
@@ -428,7 +432,7 @@ class BodyInPlace(InPlace):
         self.numbers, self.sample = self.memory[: place.carried], self.memory[place.kept :]
         self.parts = unpacked(place.shape.shown, self.sample)
         self.at_once = short.LONGEST // place.carried**2
-        self.buffers = place.prepared(self.memory, 1, place.kept)
+        self.buffers = place.buffers(self.memory, 1, place.kept)
         self.system: Any = place.lanes.arguments[1]
         begin = 8 * layout_of(place.lanes.arguments[0]).width
         self.block = changing(place.block(self.buffers, 1, 1))
@@ -460,7 +464,7 @@ class BodyInPlace(InPlace):
         place, memory, block = self.place, self.memory.copy(), changing(bytes(self.block))
         memory[place.clock + STEP], memory[place.taken] = length, 0.0
         memory[place.goal + ORIGIN] = now
-        buffers = place.prepared(memory, 1, place.kept)
+        buffers = place.buffers(memory, 1, place.kept)
         goal, states, clock, rows = [begin for begin, _ in buffers]
         struct.pack_into("5q", block, _AT_STEPS, 1, goal, states, clock, rows)
         self.native.on_memory(block, buffers)

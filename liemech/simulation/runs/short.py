@@ -51,7 +51,7 @@ CLOCKS = struct.Struct(f"{CLOCK.width}d")
 class ShortPlaces:
     """Offsets in the memory of short runs of one body: of the clock, the goal, and the samples.
 
-    words : of a call, before its constants.  gather : the numbers of a start.
+    words : of a call, before its constants.  gather : the numbers of a start.  write_start : writes those of a memory.
     """
 
     def __init__(self, lanes: Lanes, words: int, layout: Any) -> None:
@@ -77,7 +77,7 @@ class FixedPlaces(ShortPlaces):
     def __init__(self, steps: Steps, shape: RunShape) -> None:
         super().__init__(shape.lanes_of(steps, STRAIGHT, (), shape.side), 6, shape.given)
         self.shape, self.sampled = shape, shape.shown.width
-        self.begun = struct.Struct(f"{self.kept + self.sampled}d").pack_into
+        self.write_start = struct.Struct(f"{self.kept + self.sampled}d").pack_into
         self.asked = steps.compiled
         self.beginning = shape.beginning(steps, self.lanes) if shape.order is None else None
         if shape.order is not None:
@@ -105,13 +105,13 @@ class FixedPlaces(ShortPlaces):
         clock = t0, h, *FRESH, math.inf, 0.0, 0.0, 0.0, ENDLESS, t0  # and goal
         if beginning is None:
             numbers.append(0.0)
-            self.begun(memory, 0, *self.picked(numbers)[:-1], *clock, *numbers[:-1])
+            self.write_start(memory, 0, *self.picked(numbers)[:-1], *clock, *numbers[:-1])
             return True
         native = beginning.used(self.asked) or beginning.ready(0.0)
         if native is None:
             return False
         sample = numbers if self.shape.given == self.shape.shown else (0.0,) * self.sampled
-        self.begun(memory, 0, *(0.0,) * self.carried, *clock, *sample)
+        self.write_start(memory, 0, *(0.0,) * self.carried, *clock, *sample)
         parts = memory[self.clock : self.goal], memory[: self.clock], memory[self.kept :]
         native.run(self.constants, (), (np.array(numbers), *parts))
         return memory.item(self.clock + MARK) == 0.0
@@ -120,14 +120,14 @@ class FixedPlaces(ShortPlaces):
         """Write where a run of one body stands."""
         goal = math.inf, 0.0, 0.0, 0.0, ENDLESS, carry.t0
         numbers, clock, last = carry.numbers.tolist(), carry.clock.tolist(), carry.last.tolist()
-        self.begun(memory, 0, *numbers, *clock, *goal, *last)
+        self.write_start(memory, 0, *numbers, *clock, *goal, *last)
 
     def standing(self, memory: Any, t0: float, last: Any, met: Any = None) -> Carry:
         """The carry of one body that stands in memory, a view."""
         numbers, clock = memory[: self.carried], memory[self.clock : self.goal]
         return Carry.made(self.shape, t0, numbers, clock, last, None, met)
 
-    def prepared(self, memory: Any, turns: int, out: int) -> Any:
+    def buffers(self, memory: Any, turns: int, out: int) -> Any:
         """Address and length of goal, numbers, clock and `turns` samples, the first at index `out` of the memory."""
         *parts, place = self.where(memory)
         return *parts, (place + 8 * out, turns * self.sampled)
@@ -175,7 +175,7 @@ def short_steps(way: Steps, shape: RunShape, start: Any, steps: int, t0: float) 
     reached = step + steps
     if step % every:
         return None
-    place.advance(native, place.prepared(memory, samples, place.kept + place.sampled), samples, every)
+    place.advance(native, place.buffers(memory, samples, place.kept + place.sampled), samples, every)
     if memory.item(place.taken) != reached:
         return None
     promises = _FixedRun(place, memory, way, t0, step, reached)
@@ -194,7 +194,7 @@ def advanced(way: Steps, carry: Carry, steps: int) -> Carry | None:
         return None
     memory = np.empty(place.kept + place.sampled)
     place.go_on(carry, memory)
-    place.advance(native, place.prepared(memory, 1, place.kept), 1, steps)
+    place.advance(native, place.buffers(memory, 1, place.kept), 1, steps)
     reached = carry.step + steps
     if memory.item(place.taken) != reached:
         return None
@@ -303,7 +303,7 @@ class AdaptivePlaces(ShortPlaces):
         super().__init__(lanes, 9 if sampled else 6, lanes.state)
         self.row, width = lanes.row.width, lanes.state.width
         self.unknown, self.no_way = (0.0,) * (self.carried - width), (0.0,) * (self.row - 1 - width)
-        self.begun = struct.Struct(f"{self.kept + (0 if sampled else self.row)}d").pack_into
+        self.write_start = struct.Struct(f"{self.kept + (0 if sampled else self.row)}d").pack_into
         self.turns, self.limit = max(1, ROOM // self.row), max(1, TRIALS // self.carried**2)
         self.free: list[Any] = []  # memory for rows of steps that no run needs any more
         self.sampled, self.out = sampled, self.kept + (SAMPLES.width if sampled else self.row)
@@ -349,7 +349,7 @@ class AdaptivePlaces(ShortPlaces):
         clock = t0, way.first(t0, t_end), *FRESH
         goal = t_end, way.rtol, way.atol, way.longest, limit, 0.0
         first = (t0, *numbers, *self.no_way) if times is None else ()
-        self.begun(memory, 0, *numbers, *self.unknown, *clock, *goal, *first)
+        self.write_start(memory, 0, *numbers, *self.unknown, *clock, *goal, *first)
         native.on_memory(block, buffers)
         end_clock = CLOCKS.unpack_from(memory, 8 * self.clock)
         arrived = end_clock[TIME] == t_end and (times is None or memory.item(self.kept) == len(times))

@@ -350,8 +350,10 @@ OVERFLOW = "the step overflowed or left the domain of a formula; a smaller h may
 
 MARCH = layout_of(March(0.0, 0.0))
 
-MET = 4
-"""The place behind a march of whether an event may have a zero in its last step."""
+ESTIMATE, SHARE, WRITTEN, STEP_BEGIN, MET = range(5)
+"""The places of the numbers of a march: what a loop over sites tells, the error of a step and its share; a `March`; and
+whether an event may have a zero in its last step.
+"""
 
 ENDS = 2
 """Rows of totals before those of samples, where events are asked: of the states in both copies of the memory."""
@@ -398,7 +400,7 @@ def advance_sites(
     of every step, behind that of where the first one begins, and their times.
 
     sites : copies of the memory of all sites.  seen, totals : samples of all sites, and of quantities, one behind the
-    other.  march : two numbers as `OverSites` has them told, a `March`, and what is `MET`.  goals, states, clocks, out,
+    other.  march : (5,), from `ESTIMATE` to `MET`.  goals, states, clocks, out,
     failures : as for `advance`.
     """
     everyone, shown = procedure.over(sites, march), procedure.shown

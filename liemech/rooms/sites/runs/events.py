@@ -22,7 +22,7 @@ from ....simulation.compiled.control import LIMIT, TAKEN, TIME, go_on
 from ....simulation.compiled.execution import COLUMNS
 from ....simulation.keep import PieceOfBodies
 from ....systems.many.site_state import StateOfSites
-from .driver import MET
+from .driver import MET, STEP_BEGIN
 from .execution import MOST
 from .failures import ended
 from .samples import EndsOfSteps
@@ -216,7 +216,7 @@ class StepsOfSites(Moving):
         run, now = self.run, self.run.clocks.item(TIME, 0)
         if run.shape.watched:
             run._steps(turns, run.samples)
-            times = np.array([run.march.item(3), run.clocks.item(TIME, 0)])
+            times = np.array([run.march.item(STEP_BEGIN), run.clocks.item(TIME, 0)])
             copies = np.array([run._in_copy(k) for k in range(2)])
             onward, count = 2 * run._copy - 1, 1 if times[0] == times[1] else 2
             return times[-count:], copies[::onward][-count:], run.samples.at_ends[::onward][-count:]

@@ -13,7 +13,7 @@ from ....simulation.compiled.driver import advance
 from ....simulation.runs.course import told
 from ....simulation.runs.tolerance import too_small
 from ....systems.in_time.inputs import during
-from .driver import ROW, OverSites, one_rate, one_remake, one_step
+from .driver import ESTIMATE, ROW, OverSites, one_rate, one_remake, one_step
 
 AROUND = 20
 """Sites on both sides of one that failed, among which that is looked for of which it failed."""
@@ -117,7 +117,7 @@ def origin_of(run: Any, error: Any, t: float) -> Any:
 def too_small_steps(run: Any, error: Any) -> Any:
     """The error of a run whose steps became too small."""
     clock, goal = run.clocks[:, 0].tolist(), run.goals[:, 0].tolist()
-    estimate = run.march.item(0)
+    estimate = run.march.item(ESTIMATE)
     site = getattr(error, "site", None)
     what = repr(run.plan.method) if site is None else f"{run.plan.method!r}: site {site}"
     failure_of_step = too_small(what, clock[TIME], clock[STEP], goal[1], goal[2], run.taken, error, estimate)

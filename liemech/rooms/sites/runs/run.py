@@ -24,7 +24,7 @@ from ....simulation.runs.equal import affordable, at_steps
 from ....simulation.runs.jumps import Ways, beyond_jump, stretches, until_jumps
 from ....simulation.runs.tolerance import limit_of, too_many
 from ....systems.many.site_state import StateOfSites
-from .driver import COPIES, MET, Moment, one_inside, one_start
+from .driver import COPIES, MET, STEP_BEGIN, WRITTEN, Moment, one_inside, one_start
 from .events import StepsOfSites
 from .execution import LONG, MOST, SiteExecution
 from .failures import ended, fail, first_reason, hopeless, too_small_steps
@@ -322,9 +322,8 @@ class SiteRun(Course):
     @property
     def _pending(self) -> bool:
         """Is something to be looked at where the run stands?"""
-        if self.observer is not None:
-            return self.ended_by is None and self.observer.fresh
-        return self.ended_by is None and bool(self.samples.due == self.clocks[TIME, 0])
+        fresh = self.samples.due == self.clocks[TIME, 0] if self.observer is None else self.observer.fresh
+        return self.ended_by is None and bool(fresh)
 
     def _steps(self, turns: int, samples: Any) -> None:
         """Some more steps by the driver, which writes these samples."""
@@ -335,12 +334,12 @@ class SiteRun(Course):
         shared, arrays = [totals, times, self.march], [self.goals, self.place, self.clocks, self.out]
         if not self.adaptive:
             self.failures = []
-        self.notes, self.march[2], self.march[MET] = 0, 0.0, 0.0
+        self.notes, self.march[WRITTEN], self.march[MET] = 0, 0.0, 0.0
         try:
             sites = self.count * max(1, left), self.sites.count, self.workers
             stepping.drive(sites, arguments, shared, arrays, self.failures, self._noted)
         finally:
-            written = int(self.march[2])
+            written = int(self.march[WRITTEN])
             samples.take(self._sound(written, seen.array[: written * samples.wide]), seen, totals)
 
     def _sound(self, samples: int, seen: np.ndarray) -> int:
@@ -424,7 +423,7 @@ class SiteRun(Course):
 
     def _attend(self) -> None:
         """Look at what the driver has come to a stand for."""
-        clock, step_begin, samples = self.clocks[:, 0], self.march.item(3), self.samples
+        clock, step_begin, samples = self.clocks[:, 0], self.march.item(STEP_BEGIN), self.samples
         t = float(clock[TIME])
         if self.ended_by is not None:
             return
