@@ -63,8 +63,9 @@ systems > rooms.poisson: canonical_transformation darboux local_coordinates metr
 integrators > rooms.sites: galerkin_of_chain sublattices=spin_splittings
 simulation > rooms.sites: sites=runs
 systems > rooms.sites: colouring energy_of_species graphs separable_sites sublattices=parts_of_spins
-simulation.sites > rooms.sites.runs: between chains driver events execution lists plan prepared run states
+simulation.sites > rooms.sites.runs: between chains driver events execution lists plan prepared=shape run states
 simulation.sites > rooms.sites.runs: totals turns
+rooms.sites.runs > rooms.sites.runs: prepared=shape
 systems > rooms.sites.terms: among bonds_at_site bound_terms kinds_of_terms near_pairs point_terms
 systems > rooms.sites.terms: sums_of_terms terms terms_at_site terms_in_arrays trials_of_terms
 simulation > simulation.runs: carry course equal going_on jumps run short starts tolerance

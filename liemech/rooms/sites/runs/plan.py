@@ -126,7 +126,7 @@ class SitesOfPlan:
 
     @property
     def quantities(self) -> dict[str, Any]:
-        """What is recorded of the state, by name."""
+        """Functions of the state that are recorded, by name."""
         recorder = self.plan.recorder
         return {} if recorder is None else recorder.quantities
 
