@@ -92,12 +92,12 @@ def gradient_of(
     start : with the parts that the run needs.  run : by an error estimate; of fixed steps it is made here.
     """
     with derived(plan, "gradient"):
-        known = prepared(plan, start.bodies, member(start, 0), names, t0, run is None)
-    forward = known.forward(plan, start, steps, t0, asked.every, run)
+        prepared_gradient = prepared(plan, start.bodies, member(start, 0), names, t0, run is None)
+    forward = prepared_gradient.forward(plan, start, steps, t0, asked.every, run)
     samples = (forward.edges % (asked.every or 1) == 0) | (forward.edges == steps)
     objective = Objective(forward.run, forward.states, forward.example, samples if asked.every else None)
     objective.find(asked, plan.options.compiled)
-    back = Backward(forward, known, objective.by_states)
+    back = Backward(forward, prepared_gradient, objective.by_states)
     with derived(plan, "gradient"):
         back.go()
     tell(back.relative_growth())
@@ -145,31 +145,32 @@ def of_each_body(
     """The gradient of an ensemble by an error estimate, whose bodies have steps of their own: one after
     another.
     """
-    many, (every, loss, along, cotangent) = start.bodies or 1, asked
+    bodies, (every, loss, along, cotangent) = start.bodies or 1, asked
     if cotangent is not None and every is not None:
         raise IncompatibleSystem(
             f"Plan.{what}: with adaptive steps each body has samples of its own: leave out every, "
             "or give one body at a time"
         )
-    losses = [x if x is None else Loss(x, name, many) for x, name in ((loss, "loss"), (along, "along"))]
+    losses = [x if x is None else Loss(x, name, bodies) for x, name in ((loss, "loss"), (along, "along"))]
     rows: dict[Any, Any] = cotangent if isinstance(cotangent, dict) else {"": cotangent}
     for name, x in rows.items():
-        if x is not None and np.shape(x)[:1] != (many,):
+        if x is not None and np.shape(x)[:1] != (bodies,):
             raise InvalidInput(
-                f"Plan.{what}: cotangent{[name] if name else ''} has a leading axis of {many} bodies; "
+                f"Plan.{what}: cotangent{[name] if name else ''} has a leading axis of {bodies} bodies; "
                 f"got shape {np.shape(x)}"
             )
     gradients = []
-    for i, end in enumerate(arguments.ends(t_end, many)):
+    for i, end in enumerate(arguments.ends(t_end, bodies)):
         parts: Any = {n: x if x is None else np.asarray(x)[i] for n, x in rows.items()}
         of_body = *(x if x is None else x.of(i) for x in losses), parts if isinstance(cotangent, dict) else parts[""]
-        asked = Asked(every, *of_body)
-        gradients.append(adaptive_gradient_of(plan._of_body(i), member(start, i), steps, end, t0, names, asked))
+        gradients.append(
+            adaptive_gradient_of(plan._of_body(i), member(start, i), steps, end, t0, names, Asked(every, *of_body))
+        )
     gradient = {}
     for name in names:
-        each = np.stack([one[name] for one in gradients])
+        each = np.stack([x[name] for x in gradients])
         of_each = ("method" if name.startswith("method.") else "system") in plan.of_each
         gradient[name] = each if name == "start" or of_each else each.sum(axis=0)
-    value = None if cotangent is not None else math.fsum(one.value for one in gradients)
-    run = of_some([one.run for one in gradients], system=plan.system, method=plan.method)
-    return Gradient(value, gradient, run, max(one.growth or 0.0 for one in gradients))
+    value = None if cotangent is not None else math.fsum(x.value for x in gradients)
+    run = of_some([x.run for x in gradients], system=plan.system, method=plan.method)
+    return Gradient(value, gradient, run, max(x.growth or 0.0 for x in gradients))

@@ -91,13 +91,13 @@ class ParameterDirections:
     def __init__(
         self, plan: Any, one: State, bodies: int | None, names: tuple[str, ...], t0: float, of_state: int, side: int = 0,
     ) -> None:  # fmt: skip
-        way: Steps = plan._steps
-        self.of_each = {"system": isinstance(way.system, OfBodies), "method": isinstance(way.method, OfBodies)}
-        several = [way.system_of(i) for i in range(bodies or 1)] if self.of_each["system"] else [way.one]
-        methods = [way.method_of(i) for i in range(bodies or 1)] if self.of_each["method"] else [way.method_of(0)]
-        if "h" in names and isinstance(way.h, tuple):
+        fixed: Steps = plan._steps
+        self.of_each = {"system": isinstance(fixed.system, OfBodies), "method": isinstance(fixed.method, OfBodies)}
+        several = [fixed.system_of(i) for i in range(bodies or 1)] if self.of_each["system"] else [fixed.one]
+        methods = [fixed.method_of(i) for i in range(bodies or 1)] if self.of_each["method"] else [fixed.method_of(0)]
+        if "h" in names and isinstance(fixed.h, tuple):
             raise InvalidInput("Plan.gradient: by h is for one h of all bodies")
-        dressed = with_step(methods[0], way.h, t0) if "h" in names else None
+        dressed = with_step(methods[0], fixed.h, t0) if "h" in names else None
         self.tables = tables = Tables(several[0], names, "Plan.gradient")
         self.of_things = [[table.of(thing) for thing in several] for table in tables.each]
         self.full = {
@@ -119,10 +119,10 @@ class ParameterDirections:
         of_method, of_system, _ = each[0].places
         self.systems = Varied(several, slopes[: len(several), :, of_system], moved, side)
         self.raw = [directions.method for directions in each[: len(methods)]]
-        wrapped = self.raw if way.clock != "t" else [ending_at_jumps(x, several[0], way.breaks) for x in self.raw]
+        wrapped = self.raw if fixed.clock != "t" else [ending_at_jumps(x, several[0], fixed.breaks) for x in self.raw]
         wrapped = [NumberedByTime(method, t0) if method.noisy else method for method in wrapped]
-        more = layout_of(wrapped[0]).width - of_method.stop
-        by_method = np.pad(slopes[: len(methods), :, of_method], ((0, 0), (0, 0), (0, more)))
+        behind = layout_of(wrapped[0]).width - of_method.stop
+        by_method = np.pad(slopes[: len(methods), :, of_method], ((0, 0), (0, 0), (0, behind)))
         self.methods = Varied(wrapped, by_method, (), side)
 
     def by(self, name: str, slopes: np.ndarray, of_tables: list[np.ndarray]) -> np.ndarray:
@@ -258,20 +258,20 @@ class PreparedGradient:
 
         every : steps between states that are wanted; None for the end alone.
         """
-        directions, one, end = self.directions, member(start, 0), max(1, steps)
+        directions, first, end = self.directions, member(start, 0), max(1, steps)
         lanes = (start.bodies or 1) * -(-(self.frames.count + directions.count) // directions.side)
         length = block_length(end, lanes, directions, every or end)
         if run is None:
-            made = like(plan, _steps=dataclasses.replace(plan._steps, every=length))._run(
+            whole = like(plan, _steps=dataclasses.replace(plan._steps, every=length))._run(
                 start, steps, None, t0, None, None
             )
-            if made.stopped:
-                raise made.stopped[min(made.stopped)].error
-            return Forward(plan, made, np.minimum(np.arange(len(made.t)) * length, steps), t0, self.frames, one)
+            if whole.stopped:
+                raise whole.stopped[min(whole.stopped)].error
+            return Forward(plan, whole, np.minimum(np.arange(len(whole.t)) * length, steps), t0, self.frames, first)
         # step number n is made at the time n by a method that knows when it began and how long it was
         edges = np.minimum(np.arange(-(-steps // length) + 1) * length, steps)
-        some = dataclasses.replace(run, t=run.t[edges], states={name: x[edges] for name, x in run.states.items()})
-        return Forward(plan, some, edges, 0.0, self.frames, one)
+        at_edges = dataclasses.replace(run, t=run.t[edges], states={name: x[edges] for name, x in run.states.items()})
+        return Forward(plan, at_edges, edges, 0.0, self.frames, first)
 
     def blocks_of(self, forward: Forward, work: int) -> Blocks:
         """The code for the blocks of a run.  work : steps of all blocks and directions."""
@@ -290,12 +290,12 @@ class PreparedGradient:
 def prepared(plan: Any, bodies: int | None, one: Any, names: Any, t0: float, lasting: bool) -> PreparedGradient:
     """The `PreparedGradient` of this plan, from before or made now.  lasting : do its steps not depend on a run?"""
     key = names, bodies, layout_of(one), t0 if "h" in names or plan._first_of("method").noisy else None
-    known: PreparedGradient | None = plan._backwards.get(key) if lasting else None
-    if known is None or known.system is not plan.system:
-        known = PreparedGradient(plan, bodies, one, names, t0)
+    shared: PreparedGradient | None = plan._backwards.get(key) if lasting else None
+    if shared is None or shared.system is not plan.system:
+        shared = PreparedGradient(plan, bodies, one, names, t0)
         if lasting:
-            plan._backwards[key] = known
-    return known
+            plan._backwards[key] = shared
+    return shared
 
 
 class Backward:

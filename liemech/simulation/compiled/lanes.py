@@ -94,16 +94,16 @@ class Lanes:
 
     def natively(
         self, columns: np.ndarray, out: np.ndarray, turns: int, workers: int, every: int = 1,
-        some: range | None = None, size: int = MOST, worth: int = TRIALS,
+        bodies: range | None = None, size: int = MOST, worth: int = TRIALS,
     ) -> int:  # fmt: skip
         """Run native code for `turns` turns of some bodies, whole lanes of them, all by default; in blocks of some size,
         perhaps in threads.  Returns how many blocks there are in turn.
 
         worth : steps of all bodies together that are worth a thread.
         """
-        some = range(columns.shape[1]) if some is None else some
+        bodies = range(columns.shape[1]) if bodies is None else bodies
         if self.layout.in_memory and columns.shape[1] > 1:
-            for i in some:  # whose numbers lie in memory, one after another
+            for i in bodies:  # whose numbers lie in memory, one after another
                 column, rows = columns[:, i : i + 1].copy(), out[..., i : i + 1].copy()
                 self.natively(column, rows, turns, 1, every)
                 columns[:, i : i + 1], out[..., i : i + 1] = column, rows
@@ -111,7 +111,7 @@ class Lanes:
         numbers, clocks, goals, *parameters = self.parts(columns)
         arguments = (turns, every), (*parameters, goals, numbers, clocks, out)
         call = functools.partial(self.stepping.run, self.constants, *arguments, columns.shape[1])
-        return share_out(call, some, self.stepping.lanes, size, (turns * every, worth), workers)
+        return share_out(call, bodies, self.stepping.lanes, size, (turns * every, worth), workers)
 
     def plainly(
         self, body: int, column: np.ndarray, out: np.ndarray, turns: int, failures: list[Any],
@@ -150,20 +150,20 @@ class Lanes:
                 self.plainly(body, columns[:, k], out[-1:, :, k], 1, raised)
 
 
-def share_out(call: Any, some: range, side: int, size: int, work: tuple[int, int], workers: int) -> int:
+def share_out(call: Any, columns: range, side: int, size: int, work: tuple[int, int], workers: int) -> int:
     """Call native code, which does not hold the interpreter's lock, for some columns, in blocks of whole lanes, `side`
     columns each.  Each thread takes the next block as soon as it has done one.  Returns how many blocks there are in turn.
 
     work : what there is to do for a column, and what is worth a thread.
     """
-    count, end = len(some), some.stop
+    count, end = len(columns), columns.stop
     threads = max(1, min(workers, count * work[0] // work[1], count // side))
     share = -(-count // (threads * side)) * side
     size = min(share, max(side, size // side * side))
     if size >= count:
-        call(some.start, end)
+        call(columns.start, end)
         return 1
-    blocks = some[::size]
+    blocks = columns[::size]
     waiting = iter(blocks)
 
     def take() -> None:

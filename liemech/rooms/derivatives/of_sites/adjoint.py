@@ -74,22 +74,22 @@ class BackwardRun:
     """
 
     def __init__(self, sites: Any, start: Any, steps: int, t0: float, names: tuple[str, ...] = ()) -> None:
-        plan, one = sites.plan, sites.plan._one
-        group = getattr(one, "configurations", one.group)
-        if isinstance(start, SiteValues) or isinstance(group, SpeciesGroup) or one.noisy:
-            raise IncompatibleSystem(NO_WAY.format(f"of {type(one).__name__} on {group!r}"))
+        plan, system = sites.plan, sites.plan._one
+        group = getattr(system, "configurations", system.group)
+        if isinstance(start, SiteValues) or isinstance(group, SpeciesGroup) or system.noisy:
+            raise IncompatibleSystem(NO_WAY.format(f"of {type(system).__name__} on {group!r}"))
         self.plan, self.start, self.t0 = plan, start, t0
         self.h, self.sites = plan._steps.h, start.sites
-        way = plan._steps.way_of(0)
+        method = plan._steps.way_of(0)
         self.grid: Any = None  # when steps begin, and how long they are, where they are of many lengths
-        if isinstance(way, StepsOfARun):
-            self.grid = way.begun.array[:-1], way.lengths.array[:-1]
+        if isinstance(method, StepsOfARun):
+            self.grid = method.begun.array[:-1], method.lengths.array[:-1]
         self.first = first_of(start)
         self.frames = Frames(sites.site, self.first)
         self.dims = self.frames.sizes
         self.lists = Lists.of(plan._one, sites.site)
         parameters = [Parameter(plan._one, name) for name in names]
-        self.cut = None if uncut(way) is way else way
+        self.cut = None if uncut(method) is method else method
         if parameters and self.cut is not None and inputs(plan._one):
             raise IncompatibleSystem(
                 "Plan.gradient: there are no derivatives by parameters of many sites where an input is a table; "

@@ -65,8 +65,8 @@ def tangent_by_sites(sites: Any, start: Any, steps: Any, t_end: Any, t0: float, 
     if not plan.adaptive:
         return of_fixed_steps(sites, start, plan._count(steps, t_end, t0), t0, given)
     fixed, ends, run = steps_of(sites, start, steps, t_end, t0)
-    made = of_fixed_steps(fixed._sites, start, len(ends) - 1, 0.0, given)
-    return replace(made, t=ends[[0, -1]], h=run.h, rejected=run.rejected, method=plan.method)
+    tangent_of_steps = of_fixed_steps(fixed._sites, start, len(ends) - 1, 0.0, given)
+    return replace(tangent_of_steps, t=ends[[0, -1]], h=run.h, rejected=run.rejected, method=plan.method)
 
 
 def of_fixed_steps(sites: Any, start: Any, steps: int, t0: float, given: Any) -> Any:
@@ -74,8 +74,8 @@ def of_fixed_steps(sites: Any, start: Any, steps: int, t0: float, given: Any) ->
     plan, first = sites.plan, first_of(start)
     frames, every = Frames(sites.site, first), plan.options.every
     n, samples = start.sites * frames.count, steps // every + 1
-    name, wanted = given or ("start", None)
-    directions = np.eye(n) if wanted is None else arguments.directions(name, wanted, n)
+    name, vectors = given or ("start", None)
+    directions = np.eye(n) if vectors is None else arguments.directions(name, vectors, n)
     columns = directions.reshape(n, -1)
     affordable(8 * columns.size * (samples + 1), steps, every)
     run_with = sites.site, start, t0, steps, None, None, None
@@ -84,15 +84,15 @@ def of_fixed_steps(sites: Any, start: Any, steps: int, t0: float, given: Any) ->
         with contextlib.suppress(IncompatibleSystem):
             back = BackwardRun(sites, start, steps, t0)
             run = sites.kind(plan, *run_with)
-            made = run.trajectory()
-            states = made.states
+            trajectory = run.trajectory()
+            states = trajectory.states
             tangent = np.stack([[back.back({k: w})[0] for w in columns.T] for k in run.numbers.tolist()]).swapaxes(1, 2)
     if tangent is None:
         products, basis = [], frames.basis(start.arrays)
         for direction in columns.T if name == "along" else np.eye(n):
             slopes = np.einsum("sc,scn->ns", frames.of_each(direction[None])[0], basis)
             run = type("RunAlong", (Along, sites.kind), {"slopes": slopes})(plan, *run_with)
-            made = run.trajectory()
+            trajectory = run.trajectory()
             values, slopes = (np.moveaxis(x, 1, -1) for x in run.halves())
             by_site = unpacked(layout_of(first), values)
             duals = dual_basis(StatesInFrames(frames, by_site).basis())
@@ -101,6 +101,6 @@ def of_fixed_steps(sites: Any, start: Any, steps: int, t0: float, given: Any) ->
         tangent = np.stack(products, axis=1 if name == "against" else -1)
         states = plan._one.as_users_see(by_site)
     return of_tangent(
-        made, made.steps, {name: tangent.reshape(len(tangent), n, *directions.shape[1:])}, system=plan.system,
-        method=plan.method, h=made.h, t=made.t, states=states,
+        trajectory, trajectory.steps, {name: tangent.reshape(len(tangent), n, *directions.shape[1:])}, system=plan.system,
+        method=plan.method, h=trajectory.h, t=trajectory.t, states=states,
     )  # fmt: skip

@@ -222,10 +222,10 @@ class StepsOfSites(Moving):
             return times[-count:], copies[::onward][-count:], run.samples.at_ends[::onward][-count:]
         if self.kept is None:
             self.kept = EndsOfSteps(run.shape, run.count)
-        kept = self.kept
-        kept.go_on(now)
-        run._steps(min(turns, kept.room), kept)
-        return kept.times[: kept.made], kept.rows, kept.totals[: kept.made]
+        ends = self.kept
+        ends.go_on(now)
+        run._steps(min(turns, ends.room), ends)
+        return ends.times[: ends.made], ends.rows, ends.totals[: ends.made]
 
     def return_to(self, stand: tuple[np.ndarray, ...], steps: int) -> None:
         """Let the run stand where it stood, or behind step number `steps`.  stand : memory, clock and march."""

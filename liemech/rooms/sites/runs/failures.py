@@ -100,11 +100,11 @@ def origin_of(run: Any, error: Any, t: float) -> Any:
     if run.names_place or not isinstance(error, (NotFinite, NoConvergence)):
         return error
     near = getattr(error, "site", None)
-    some = range(run.count)
+    sites = range(run.count)
     if run.count > FEW:
-        some = range(0) if near is None else some[max(0, near - AROUND) : near + AROUND]
+        sites = range(0) if near is None else sites[max(0, near - AROUND) : near + AROUND]
     arguments: Any = everyone(run), run.site, t, run._copy
-    for i in some:
+    for i in sites:
         try:
             one_site(run.count, i, one_rate, *arguments)
         except TooManySites:

@@ -43,7 +43,7 @@ class SiteRun(Course):
 
     shape : layouts and native code of runs like this.  site : the system of one site, with the `lists` of its neighbours.
     state : at the start, of `count` sites.  t0, first : the time of step 0, and the steps before this run, which begins at
-    t_start.  fixed_times : are times of samples asked for?
+    t_start.  fixed_times : are times of samples asked for?  numbers : of the fixed steps behind which there are samples.
 
     Where it stands: `sites` is the memory of the method at all sites, of which `place` says the copy where they are.
     clocks, goals : of the control, a column.  march : how far the driver has come.  ended_by : the event that ended it.
@@ -146,16 +146,16 @@ class SiteRun(Course):
     def aim(self, steps: Any, t_end: Any, t_eval: Any) -> tuple[Any, Any]:
         """Set clock and goal; the times of samples as they were asked for, and as the driver meets them."""
         self.jumps_ahead: Ways = []
-        way, self.every = self.way, self.plan.options.every
+        self.every = self.plan.options.every
         if not self.adaptive:
             self.steps = self.plan._count(steps, t_end, self.t0, self.first)
-            last, h = self.first + self.steps, way.h
+            last, h = self.first + self.steps, self.way.h
             inner = np.arange(self.first // self.every + 1, -(-last // self.every)) * self.every
-            numbers = np.array([self.first, *inner, *([last] if self.steps else [])])
+            self.numbers = np.array([self.first, *inner, *([last] if self.steps else [])])
             self.t_end = self.t0 + last * h
             self._set_out(self.t0, h, self.first, last)
             if t_eval is None:
-                times = self.t0 + numbers * h
+                times = self.t0 + self.numbers * h
                 return times, times
             times_asked = np.asarray(arguments.times(t_eval, self.t_start, self.t_end))
             return times_asked, at_steps(times_asked, self.t0, h)
@@ -165,9 +165,9 @@ class SiteRun(Course):
         ends = np.array([self.t_start, end] if end != self.t_start else [end])
         self.dense, self.each_end = self._kept(asked)
         self.ways: list[tuple[float, np.ndarray]] = []
-        self._set_out(self.t_start, way.first(self.t_start, end), 0, self.steps)
-        self.goals[:4, 0] = end, way.rtol, way.atol, way.longest
-        jumps = () if way.smooth else way.jumps(self.t_start, end)
+        self._set_out(self.t_start, self.way.first(self.t_start, end), 0, self.steps)
+        self.goals[:4, 0] = end, self.way.rtol, self.way.atol, self.way.longest
+        jumps = () if self.way.smooth else self.way.jumps(self.t_start, end)
         pieces = stretches(jumps, self.t_start, end)
         self.jumps_ahead = until_jumps(self.clocks[:, 0], self.goals[:, 0], self.t_start, pieces)
         asked = (ends[:1] if self.each_end else ends) if asked is None else asked
