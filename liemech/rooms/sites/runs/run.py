@@ -283,6 +283,10 @@ class SiteRun(Course):
         at = f"after {self.taken}{whole} steps, t = {self.clocks[TIME, 0]:g}"
         return f"{at}; {self.samples.made} samples are in `.trajectory`"
 
+    def _stopped(self, error: Any) -> Any:
+        """As of every run; one without samples has not begun."""
+        return super()._stopped(error) if self.samples.made or isinstance(error, KeyboardInterrupt) else error
+
     def _quicker(self, pace: int, used: float) -> int:
         """How many steps the next call makes, by the seconds that this one has used."""
         if self.lists is not None:
