@@ -169,10 +169,8 @@ class Stepper:
     def _standing(self) -> Any:
         if self._here is None:
             return self._carry
-        inner, outer = self._here.carry, self._carry
-        if isinstance(inner, Carry) and self._fictive:
-            return FictiveCarry(outer.origin, inner, met=outer.met)
-        return inner
+        inner = self._here.carry
+        return self._carry.moved(inner) if self._fictive else inner
 
     @property
     def t(self) -> Any:
@@ -196,8 +194,7 @@ class Stepper:
     @property
     def stopped(self) -> Stopped:
         """The bodies of an ensemble that go no further: after how many steps, and why."""
-        carry: Any = self._standing
-        stopped: Stopped = (carry.inner if self._fictive else carry).stopped
+        stopped: Stopped = self._standing.inner.stopped
         return stopped
 
     @property
@@ -313,7 +310,7 @@ class Stepper:
         if isinstance(carry, SiteCarry):
             self._here = self._plan._sites.by_hand(carry)
             return
-        inner: Carry = carry.inner if self._fictive else carry
+        inner: Carry = carry.inner
         steps = carry.origin.steps(self._plan._steps) if self._fictive else self._plan._steps
         if not steps.owns(inner.shape):
             return
@@ -341,7 +338,7 @@ class Stepper:
                 if isinstance(error, KeyboardInterrupt):
                     reached = run.carry
                     if self._fictive and reached is not None:
-                        reached = FictiveCarry(carry.origin, reached, met=carry.met)
+                        reached = carry.moved(reached)
                     self._stand(reached or carry)
                     raise
                 count = run.steps  # to the last one that can be made, and fail there
