@@ -37,6 +37,19 @@ def test_inversion_makes_a_left_invariant_system_of_it(group: lm.LieGroup, metho
     assert np.abs(ours.mu - ours.mu[0]).max() > 0.01
 
 
+@pytest.mark.parametrize("group", [lm.SO3(), pytest.param(lm.SU(2), marks=pytest.mark.slow)], ids=repr)
+def test_tangent_maps_on_both_sides_are_one(group: lm.LieGroup) -> None:
+    """By h = g^-1 the direction g * exp(eta) = exp(eta) g is h exp(-eta), and -mu goes with -eta."""
+    energy, mu = lm.KineticEnergy(INERTIAS[group]), np.array([0.4, -0.5, 0.9])
+    g, maps = group.exp([0.3, -0.2, 0.5]), []
+    for side, sign, element in (lm.OppositeGroup(group), 1.0, g), (group, -1.0, group.inverse(g)):
+        system = lm.LiePoissonSystem(side, energy)
+        plan = lm.Plan(system, lm.RKMK(order=4), 0.1, compiled=False)
+        maps.append(plan.tangent(system.state(mu=sign * mu, g=element), steps=5).tangent["start"])
+    assert np.abs(maps[0] - maps[1]).max() < 200 * EPS
+    assert np.abs(maps[0][-1] - np.eye(6)).max() > 0.1
+
+
 def test_the_equations() -> None:
     """g' = hat(xi) g and mu' = -ad*_xi mu, by differences; the momentum in the body is constant."""
     group, mu, h = lm.SE3(), np.array([0.4, -0.5, 0.9, 0.3, 0.7, -0.2]), 1e-3

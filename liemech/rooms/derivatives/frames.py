@@ -27,7 +27,7 @@ def frame(system: Any, name: str, part: Any) -> Any:
     if group is None:
         basis = np.eye(size).reshape(size, *np.shape(part))
         return lambda points: np.broadcast_to(basis, (len(points), *basis.shape))
-    if len(np.shape(part)) != 2:  # elements that are not matrices, such as unit quaternions
+    if not group._by_matrices:  # unit quaternions, and opposite products
         point = layout_of(part)
         arguments = group, point, layout_of(turned(group, part))
 
