@@ -141,6 +141,17 @@ def test_derivatives_by_the_inertia(compiled: bool) -> None:
     assert np.abs(run.tangent["start"] - plan.tangent(START, steps=10).tangent["start"]).max() < 1e-15
 
 
+def test_derivatives_by_an_inertia_that_is_that_of_the_lagrangian_too() -> None:
+    """Of a body told as energy on a group, of which the Hamiltonian is the Lagrangian: that of RigidBody."""
+    told = lm.LiePoissonSystem(lm.SO3(), lm.KineticEnergy(BODY.inertia))
+    plans = [lm.Plan(body, lm.CovariantVariational(lm.Cayley()), 0.1, compiled=False) for body in (told, BODY)]
+    runs = [plan.tangent(START, steps=5, by=[by]) for plan, by in zip(plans, ("hamiltonian.inertia", "inertia"))]
+    by_inertia = [run.tangent[by][-1] for run, by in zip(runs, ("hamiltonian.inertia", "inertia"))]
+    assert np.abs(by_inertia[0] - by_inertia[1]).max() < 1e-14 < np.abs(by_inertia[0]).max()
+    with pytest.raises(lm.errors.InvalidInput, match="lagrangian is no parameter"):
+        plans[0].tangent(START, steps=5, by=["lagrangian.inertia"])
+
+
 @pytest.mark.slow
 @WORLDS
 def test_derivatives_by_a_number_inside_of_the_hamiltonian(compiled: bool) -> None:

@@ -16,6 +16,7 @@ from ...formulas import Record
 from ...formulas.classes.flattening import build, gatherer, leaves
 from ...formulas.classes.layouts import Layout, layout_of
 from ...formulas.tables import Table
+from ...systems.lie_poisson import LiePoissonSystem
 
 named: Callable[[Any], tuple[str, ...]] = functools.cache(lambda kind: tuple(inspect.signature(kind).parameters))
 """The names of what a class of records is made with."""
@@ -26,15 +27,24 @@ def parameter(system: Any, name: str, caller: str = "Plan.tangent") -> Any:
     caller : who asks, for messages.
     """
     for part in name.split("."):
-        if isinstance(system, Record) and part in named(type(system)):
-            system = getattr(system, part)
+        fields = made_with(system) if isinstance(system, Record) else {}
+        if part in fields:
+            system = fields[part]
         elif type(system) in (tuple, list) and part.isdigit() and int(part) < len(system):
             system = system[int(part)]
         else:
-            names = ", ".join(named(type(system))) if isinstance(system, Record) else "none"
+            names = ", ".join(fields) or "none"
             others = ", and the start; of the method method.name, and the step h" if caller == "Plan.tangent" else ""
             raise InvalidInput(f"{caller}: {part} is no parameter of {system!r}; there are {names}{others}")
     return system
+
+
+def made_with(system: Record) -> dict[str, Any]:
+    """What a record is made with, by name; without a Lagrangian for which the Hamiltonian stands in."""
+    values = {name: getattr(system, name) for name in named(type(system))}
+    if isinstance(system, LiePoissonSystem) and system.lagrangian == system.hamiltonian:
+        values.pop("lagrangian", None)
+    return values
 
 
 def with_parameter(system: Any, name: str, value: Any) -> Any:
@@ -44,7 +54,7 @@ def with_parameter(system: Any, name: str, value: Any) -> Any:
         others = [*system]
         others[int(first)] = with_parameter(others[int(first)], inner, value) if inner else value
         return type(system)(others)
-    fields = {n: getattr(system, n) for n in named(type(system))}
+    fields = made_with(system)
     fields[first] = with_parameter(fields[first], inner, value) if inner else value
     return type(system)(**fields)
 
@@ -52,7 +62,7 @@ def with_parameter(system: Any, name: str, value: Any) -> Any:
 def parameters(system: Any, before: str = "") -> Iterator[str]:
     """The names of all parameters that have numbers, of a system and of the records in it."""
     if isinstance(system, Record):
-        inner = [(name, getattr(system, name)) for name in named(type(system))]
+        inner = [*made_with(system).items()]
     else:
         inner = [(str(i), x) for i, x in enumerate(system)]
     for name, value in inner:
