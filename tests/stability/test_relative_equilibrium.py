@@ -35,6 +35,19 @@ def test_a_free_body_turns_about_its_axes(axis: int) -> None:
     np.testing.assert_allclose(np.linalg.norm(found.state.mu), np.linalg.norm(mu), rtol=1e-14)
 
 
+@pytest.mark.parametrize("size", [1e-160, 1e-150, 1e150, 1e160])
+def test_units_are_refused_in_which_squares_leave_the_range_of_numbers(size: float) -> None:
+    """Euler's frequencies grow with the momentum; that of 1e-160 was lost, and 0 called stable."""
+    body = lm.RigidBody([1.0, 1.5, 2.0])
+    guess = body.state(mu=[size, 1e-3 * size, 0.0])
+    if 1e-154 < size < 1e154:
+        found = lm.relative_equilibrium(body, guess)
+        np.testing.assert_allclose(found.frequencies / size, [6.0**-0.5], rtol=1e-5)
+    else:
+        with pytest.raises(lm.errors.InvalidInput, match="have squares beyond the range of numbers"):
+            lm.relative_equilibrium(body, guess)
+
+
 @pytest.mark.parametrize("part", [0.9, 1.0 - 1e-6, 1.0 + 1e-6, 1.2])
 def test_a_sleeping_top_wakes_below_its_threshold(part: float) -> None:
     """It sleeps if mu_3^2 > 4 A m g l; below, it grows at sqrt(m g l/A - (mu_3/2A)^2).

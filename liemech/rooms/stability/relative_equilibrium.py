@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import NoConvergence
+from ...errors import InvalidInput, NoConvergence
 from ...formulas import vec
 from ...formulas.classes.frozen import frozen
 from ...groups.matrices.skew_matrices import like_sizes
@@ -131,13 +131,19 @@ def relative_equilibrium(system: Any, guess: Any) -> RelativeEquilibrium:
 
     Newton's method for the critical point of H - sum_a w_a J_a at J_a = j_a, each step the shortest one, as states that
     the symmetries move to are equilibria too.  Returns a RelativeEquilibrium, with its frequencies and a verdict.
-    Raises IncompatibleSystem for other systems, NoConvergence if there is no relative equilibrium of these momenta
+    Raises IncompatibleSystem for other systems, InvalidInput for units in which squares overflow, NoConvergence if there is no relative equilibrium of these momenta
     near the guess.
 
     Source: Simo, Lewis, Marsden, Stability of relative equilibria, part I, Arch. Rational Mech. Anal. 115 (1991).
     """
     near = states_near("relative_equilibrium", system, guess)
     sizes = near.sizes()
+    least, most = np.sqrt([np.finfo(float).tiny, np.finfo(float).max])
+    if not ((sizes == 0.0) | ((least < sizes) & (sizes < most))).all():
+        raise InvalidInput(
+            f"relative_equilibrium: displacements of {sizes.min():.0e} to {sizes.max():.0e} have squares beyond the range of "
+            "numbers; tell the system in other units"
+        )
     near.require_autonomous("relative_equilibrium", sizes)
     conserved, changes = kept_momenta(near, sizes)
     near, w = _found(near, sizes, conserved, changes)
