@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import field
 from functools import cached_property
+from numbers import Real
 from typing import Any, ClassVar
 
 import numpy as np
@@ -297,8 +298,11 @@ def thermal_bath(system: LiePoissonSystem, damping: float, temperature: float, s
     Source: Brown, Thermal fluctuations of a single-domain particle, Phys. Rev. 130 (1963), for spins; Arnaudon,
     De Castro, Holm, Noise and dissipation on coadjoint orbits, J. Nonlinear Sci. 28 (2018), section 4.
     """
-    if not temperature >= 0.0:
-        raise InvalidInput(f"thermal_bath: temperature is not negative; got {temperature!r}")
+    if np.ndim(temperature) or not isinstance(temperature, (Real, np.ndarray)) or not 0.0 <= temperature < np.inf:
+        raise InvalidInput(
+            f"thermal_bath: temperature is a finite number, not negative; got {temperature!r}. Bodies with temperatures of "
+            "their own are a list of baths"
+        )
     damped = DoubleBracket(system, damping)
     strength, group = math.sqrt(2.0 * damping * temperature), one_of(system)
     return Stochastic(damped, tuple((strength * np.eye(group.dim)).tolist()), seed)
