@@ -139,7 +139,17 @@ class VectorSpace(LieGroup):
         """The product g exp(xi) = g + xi."""
         return g + xi
 
-    cayley, compose_cayley, cayley_inv = exp, compose_exp, log
+    def cayley(self, xi: Vec) -> Element:
+        """The Cayley map, which is the exponential one."""
+        return self.exp(xi)
+
+    def compose_cayley(self, g: Element, xi: Vec) -> Element:
+        """The product g cayley(xi)."""
+        return self.compose_exp(g, xi)
+
+    def cayley_inv(self, g: Element) -> Vec:
+        """The inverse of the Cayley map, the logarithm."""
+        return self.log(g)
 
     @property
     def by_adjoint(self) -> LieGroup:

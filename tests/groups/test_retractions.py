@@ -146,3 +146,13 @@ def test_residuals_near_the_root_round_by_the_size_of_the_displacement(name: str
             r = tau.residual(group, xi, p, mu)[0]
             exact = rounded(tau.residual(group, *map(double_double, (xi, p, mu)))[0])
             assert max(abs(a - b) for a, b in zip(r, exact)) <= 8.0 * EPS * size
+
+
+def test_where_the_cayley_map_is_the_exponential_it_is_that_of_a_group_of_ones_own() -> None:
+    class Angles(lm.VectorSpace):
+        """Angles within half a turn."""
+
+        def exp(self, xi: Vec) -> Vec:
+            return xi - 2.0 * np.pi * Vec(*[float(np.round(x / (2.0 * np.pi))) for x in xi])
+
+    np.testing.assert_allclose(Angles(2).cayley([4.0, 1.0]), [4.0 - 2.0 * np.pi, 1.0], rtol=1e-15)

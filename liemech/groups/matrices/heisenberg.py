@@ -132,8 +132,17 @@ class Heisenberg(MatrixLieGroup):
         """The element of least |h - g|: that with the same q, p and z."""
         return self._element(*self._parts(g))
 
-    # the Cayley map is the exponential one
-    cayley, compose_cayley, cayley_inv = exp, compose_exp, log
+    def cayley(self, xi: Vec) -> Element:
+        """The Cayley map, which is the exponential one."""
+        return self.exp(xi)
+
+    def compose_cayley(self, g: Element, xi: Vec) -> Element:
+        """The product g cayley(xi)."""
+        return self.compose_exp(g, xi)
+
+    def cayley_inv(self, g: Element) -> Vec:
+        """The inverse of the Cayley map, the logarithm."""
+        return self.log(g)
 
     # ---------------------------------------------------------------- parts
 
