@@ -131,8 +131,8 @@ def relative_equilibrium(system: Any, guess: Any) -> RelativeEquilibrium:
 
     Newton's method for the critical point of H - sum_a w_a J_a at J_a = j_a, each step the shortest one, as states that
     the symmetries move to are equilibria too.  Returns a RelativeEquilibrium, with its frequencies and a verdict.
-    Raises IncompatibleSystem for other systems, InvalidInput for units in which squares overflow, NoConvergence if there is no relative equilibrium of these momenta
-    near the guess.
+    Raises IncompatibleSystem for other systems, InvalidInput for units in which squares leave the range of numbers,
+    NoConvergence if there is no relative equilibrium of these momenta near the guess.
 
     Source: Simo, Lewis, Marsden, Stability of relative equilibria, part I, Arch. Rational Mech. Anal. 115 (1991).
     """
