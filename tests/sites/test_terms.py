@@ -232,6 +232,14 @@ def test_what_is_wrong_is_named_with_the_edge() -> None:
     ):  # fmt: skip
         with pytest.raises(InvalidInput, match=words):
             make()
+    body = lm.RigidBody([1.0, 1.5, 2.0])
+    for make, words in (
+        (lambda: Exchange(np.array([1.0, 2.0])), r"J is a number; got .*; a number for each is lm\.each\(values\)"),
+        (lambda: lm.DoubleBracket(body, lm.each([0.1, 0.2])), "stands where one value is needed: .*a list of systems"),
+        (lambda: lm.models.FixedPointGravity(lm.each([1.0, 2.0]), [0.0, 0.0, 1.0]), "stands where one value is needed"),
+    ):
+        with pytest.raises(lm.errors.InvalidType, match=words):
+            make()
     with pytest.raises(IncompatibleSystem, match=r"SO3\(\) \*\* 100"):
         lm.LiePoissonSystem(lm.SO3(), lm.Terms(Exchange(1.0).over(near.ring(3))))
 

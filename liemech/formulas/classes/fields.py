@@ -240,15 +240,20 @@ def _number(owner: Any, name: str, value: Any) -> Any:
     if type(value) is float or isinstance(value, (StandIn, Pair)):
         return of_an_int(value)
     if isinstance(value, (bool, np.bool_, complex, str, bytes)) or (isinstance(value, np.ndarray) and value.ndim):
-        raise InvalidType(f"{type(owner).__name__}.{name} is a number; got {value!r}")
+        raise _no_number(owner, name, value)
     try:
         return float(value)
     except OverflowError:
         raise InvalidInput(f"{type(owner).__name__}.{name} is larger than a float can be, which is 1.8e308") from None
     except (TypeError, ValueError):
         if not hasattr(value, "free_symbols"):
-            raise InvalidType(f"{type(owner).__name__}.{name} is a number; got {value!r}") from None
+            raise _no_number(owner, name, value) from None
         return value
+
+
+def _no_number(owner: Any, name: str, value: Any) -> InvalidType:
+    cure = "; a number for each is lm.each(values)" if isinstance(value, (list, np.ndarray)) else ""
+    return InvalidType(f"{type(owner).__name__}.{name} is a number; got {value!r}{cure}")
 
 
 def _integer(owner: Any, name: str, value: Any) -> Any:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InvalidInput
+from ...errors import InvalidInput, InvalidType
 from ..arrays import check_finite, real_array
 from ..tables import Table, entry
 from ..vectors import mat, vec
@@ -51,6 +51,17 @@ class Each(Record, OfEach):
         if len(self.shape) == 1:
             return vec(*[entry(self.numbers, first + k) for k in range(n)])
         return mat(*[vec(*[entry(self.numbers, first + j * n + k) for k in range(n)]) for j in range(self.shape[0])])
+
+    def _refused(self, *beside: Any) -> Any:
+        raise InvalidType(
+            f"{self!r} stands where one value is needed: bodies with values of their own are a list of systems, "
+            "lm.integrate([first, second], ...)"
+        )
+
+    __lt__ = __le__ = __gt__ = __ge__ = __float__ = _refused
+    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = __pow__ = __neg__ = (
+        _refused
+    )
 
     def __repr__(self) -> str:
         return f"each({len(self)} values{f' of shape {self.shape}' if self.shape else ''})"
