@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType, undefined
 from ..formulas import Element, Mat, Record, Vec, cross, derivative, dot, real_array, record, tanh, vec, vectors
-from ..formulas.classes.derived import derived
+from ..formulas.classes.derived import derived, derived_from
 from ..formulas.classes.overriding import asked
 from ..groups.lie_group import LieGroup
 from ..groups.rigid.se3 import join
@@ -51,6 +51,7 @@ class JointForce(Record):
         raise undefined(self, "effort")
 
     @asked
+    @derived_from("effort")
     def resistance(self, t: float, q: float, rate: float) -> float:
         """The damping -d effort/dq', in N m s/rad or N s/m, that an explicit kick has to resolve: half a step
         of it stays below the inertia.  For a torque that is bounded, such as friction of one's own, a

@@ -10,10 +10,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType, NotDefined, undefined
-from ..formulas import Mat, Record, Vec, atan2, cross, dot, mat, record, sqrt, transpose, vec
+from ..formulas import Mat, Record, Vec, atan2, cross, dot, jacobian, mat, record, sqrt, transpose, vec
+from ..formulas.classes.derived import derived
 from ..formulas.classes.records import with_fields
 from ..groups.lie_group import LieGroup
-from ..groups.rigid.se3 import join
+from ..groups.rigid.se3 import SE3, join
 from ..groups.rigid.so3 import SO3
 from ..rooms.constraints.constraint import Constraint, Rows
 from .points_and_axes import (
@@ -51,9 +52,10 @@ class Joint(Record):
 
     name : what it is called in messages, and by `Linkage.joint` and forces; None: its number.
 
-    1. A subclass writes `value` and `rows` of two poses, and says how many `conditions` there are.
-    2. With `freedoms` it writes their `coordinates`, how they move (`motions`) and, for starts from
-    coordinates, `relative`. They tell how the first body moves against the second.  Of several coordinates
+    1. A subclass writes `value` of two poses, and says how many `conditions` there are; `rows` follow, or are written
+    in closed form.
+    2. With `freedoms` it writes their `coordinates`, for starts from coordinates `relative`, and how they move,
+    `motions`, if not as coordinates do or in closed form. They tell how the first body moves against the second.  Of several coordinates
     `turns` says of each whether it is the angle about an axis, which is seen modulo a turn, (True, False), and
     `rotation_vector` which ones are that of a rotation, (0, 1, 2), which jumps by a turn about its axis.  A
     coordinate whose rate is no motion has `slopes`.
@@ -113,21 +115,25 @@ class Joint(Record):
         """The conditions, (m,), of the poses g of the first and k of the second body."""
         raise NotDefined(f"{type(self).__name__} must define `value`")
 
+    @derived
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
         """Their left-trivialised derivatives, for each condition by the first and by the second
         pose, (6,) each.
         """
-        raise NotDefined(f"{type(self).__name__} must define `rows`")
+        return by_poses(lambda p, q: self.value(p, q), g, k)
 
     def coordinates(self, g: Mat, k: Mat) -> Vec:
         """The angles in rad, from -pi to pi, and shifts in m that the joint leaves free, (freedoms,)."""
         raise NotDefined(f"{type(self).__name__} has no coordinates")
 
+    @derived
     def motions(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
         """Their rates as rows, for each by the velocity of the first and of the second body, (6,)
         each; a torque or force along one acts on the bodies by these rows.
         """
-        raise NotDefined(f"{type(self).__name__} has no coordinates")
+        if self.rotation_vector:
+            raise NotDefined(f"{type(self).__name__} must define `motions`: rates of rotation vectors are none")
+        return by_poses(lambda p, q: self.coordinates(p, q), g, k)
 
     def relative(self, q: Vec) -> Mat:
         """The pose of the first body, seen from the second, at these coordinates.  q : (freedoms,)."""
@@ -161,6 +167,13 @@ class Joint(Record):
     def paces_of_motions(self, g: Mat, k: Mat) -> list[Any]:
         """The rates of `motions` by a given motion alone; none where there is no such motion."""
         return []
+
+
+def by_poses(function: Any, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+    """The left-trivialised derivatives of a vector of two poses, for each component by both of them, (6,) each."""
+    slopes = [jacobian(lambda x: function(SE3().compose_exp(g, x), k), REST6),
+              jacobian(lambda x: function(g, SE3().compose_exp(k, x)), REST6)]  # fmt: skip
+    return tuple([(vec(*by_first), vec(*by_second)) for by_first, by_second in zip(*slopes)])
 
 
 @record

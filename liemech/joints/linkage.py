@@ -13,6 +13,7 @@ import numpy as np
 from ..errors import InconsistentState, InvalidInput, InvalidType, NoConvergence
 from ..formulas import Element, Vec, check_finite, dot, real_array, record, vec, vectors
 from ..formulas.calls.arguments import ordinary, whole
+from ..formulas.classes.derived import is_derived
 from ..formulas.classes.records import with_fields
 from ..formulas.numbers.anything import indices_in, traced
 from ..formulas.vectors import small
@@ -401,6 +402,7 @@ class Linkage(ConstrainedBody):
                     f"Linkage: {force!r} acts along freedom {freedom} of {self.label(number)}; "
                     f"a {type(joint).__name__} has {joint.freedoms}, numbered from 0"
                 )
+            _require_of_place(force)
             kinds[not self._has_potential(force)].setdefault(number, []).append(force)
         springs, others = (tuple(AtJoint(self.joints[j], tuple(kind[j])) for j in sorted(kind)) for kind in kinds)
         return springs, others
@@ -878,6 +880,18 @@ class Linkage(ConstrainedBody):
                 changes.append(rows @ turns / np.where(sizes > 0.0, sizes, 1.0))
         _, sizes, directions = np.linalg.svd(np.concatenate(changes))
         return directions[np.r_[sizes, np.zeros(6)][:6] <= SURVIVES]
+
+
+def _require_of_place(force: Any) -> None:
+    """Raise InvalidInput for a JointPotential whose own effort asks for time or rate, or may."""
+    if isinstance(force, JointPotential) and not is_derived(type(force).effort):
+        effort, why = traced(lambda x: force.effort(x[0], x[1], x[2]), [1, 1, 1])
+        if why or indices_in(effort) & {0, 2}:
+            name = type(force).__name__
+            raise InvalidInput(
+                f"Linkage: {name}.effort may depend on more than the place, and is -dV/dq: leave it out, and it follows from "
+                f"{name}.energy; what depends on time or rate is a JointForce of its own"
+            )
 
 
 def _follows(joint: Any) -> bool:

@@ -93,6 +93,7 @@ class Force(Record):
         raise undefined(self, "covector")
 
     @asked
+    @derived_from("covector")
     def resistance(self, t: float, xi: Vec, g: Any, along: Vec) -> Vec:
         """The damping -dF/dxi along a velocity, (dim,): what an explicit kick has to resolve.  For a force
         whose size is bounded, such as regularised dry friction, a subclass may say zero.

@@ -143,6 +143,8 @@ PLACE = PoseInSpace(some(3, 7.0), TURN, 750.0, some(3, 6.0))
 M = lm.models
 TOP, ROD = M.ReducedHeavyTop([1.0, 1.5, 2.0], 1.3, [0.1, 0.2, 0.9]), M.RodStrain(0.5, [1.0, 1.1, 1.2, 9.0, 8.0, 7.0])
 CHAIN, POSES = lm.joints.chain(2, axis=[0.0, 1.0, 0.0]), Vec.of([*flat(POSE), *flat(NEXT)])
+HINGE = lm.joints.RevoluteJoint(0, 1, [0.1, 0.2, 0.3], [0.4, 0.0, 0.1], [0.0, 0.6, 0.8], [1.0, 0.0, 0.0])
+SLIDER = lm.joints.PrismaticJoint(0, 1, [0.1, 0.2, 0.3], [0.4, 0.0, 0.1], [0.0, 0.6, 0.8], TURN)
 TWO = sites(some(3), some(3), mass=1.3)
 NUMBERS: dict[str, tuple[Any, str, str, tuple[Any, ...]]] = {
     "KineticEnergy.gradient": (lm.KineticEnergy([1.0, 1.5, 2.0]), "energy", "gradient", (some(3),)),
@@ -178,6 +180,10 @@ NUMBERS: dict[str, tuple[Any, str, str, tuple[Any, ...]]] = {
     "MaxwellBlochStructure.sharp": (M.MaxwellBloch().structure, "matrix", "sharp", (some(3), some(3))),
     "FlaschkaStructure.sharp": (M.TodaLattice(3).structure, "matrix", "sharp", (some(5), some(5))),
     "Joints.jacobian": (CHAIN.constraint, "value", "jacobian", (lm.SE3() ** 2, POSES)),
+    "RevoluteJoint.rows": (HINGE, "value", "rows", (POSE, NEXT)),
+    "PrismaticJoint.rows": (SLIDER, "value", "rows", (POSE, NEXT)),
+    "RevoluteJoint.motions": (HINGE, "coordinates", "motions", (NEXT @ HINGE.relative([0.7]), NEXT)),
+    "PrismaticJoint.motions": (SLIDER, "coordinates", "motions", (NEXT @ SLIDER.relative([0.7]), NEXT)),
     "DistancePower.slope": (lm.time_scales.DistancePower(1.5), "value", "slope", (lm.Kepler(), some(2))),
 }  # fmt: skip
 

@@ -234,3 +234,49 @@ def test_a_spring_looks_about_an_angle_that_moves(t0: float, in_memory: bool, mo
     exact = (1.5 * t0 + 0.2) * np.cos(pace * s) + 1.5 / pace * np.sin(pace * s)
     seen = run.joint("w").angle
     assert np.abs(np.sin(0.5 * (seen - exact))).max() < 1e-5
+
+
+@lm.record
+class Screw(RevoluteJoint):
+    """A hinge along whose axis the body moves by `pitch` for each radian: another condition, and nothing else."""
+
+    pitch: float = 0.15
+
+    def value(self, g: Any, k: Any) -> Vec:
+        x, y, z, *axes = super().value(g, k)
+        return vec(x, y, z - self.pitch * self.coordinates(g, k)[0], *axes)
+
+
+def test_a_joint_moves_by_its_own_conditions_and_not_by_derivatives_of_those_of_its_base():
+    """A body that falls along a screw of the pitch p: (J + m p^2) q'' = -m g p."""
+    m, J, p, gravity = 1.3, 0.2, 0.15, 9.81
+    body = Linkage([Link(m, [0.1, 0.15, J])], [Screw(0, None, O, O, Z, Z, pitch=p, name="s")], gravity)
+    start = body.state(xi=[0.0, 0.0, 1.0, 0.0, 0.0, p], g=np.eye(4).ravel())
+    run = lm.integrate(body, lm.LieRATTLE(), start, h=0.01, steps=20, compiled=False, progress=False)
+    exact = run.t - 0.5 * m * gravity * p / (J + m * p * p) * run.t**2
+    assert np.allclose(run.joint("s").angle, exact, rtol=0.0, atol=1e-12)
+
+
+def test_a_potential_whose_effort_asks_for_more_than_the_place_is_refused():
+    """It was asked for its effort at t = 0 and at rest."""
+
+    @lm.record
+    class Swelling(Spring):
+        def effort(self, t: float, q: float, rate: float) -> float:
+            return -self.stiffness * (1.0 + t) * q
+
+    @lm.record
+    class Braked(Spring):
+        def effort(self, t: float, q: float, rate: float) -> float:
+            return -self.stiffness * q - 0.3 * rate
+
+    @lm.record
+    class Abbreviated(Spring):
+        def effort(self, t: float, q: float, rate: float) -> float:
+            return self.stiffness * (self.rest - q)
+
+    joint = RevoluteJoint(0, None, O, O, Z, Z, name="w")
+    for kind in (Swelling, Braked):
+        with pytest.raises(errors.InvalidInput, match=f"{kind.__name__}.effort may depend on more than the place"):
+            alone(joint, forces=[kind("w", 2.0)])
+    assert alone(joint, forces=[Abbreviated("w", 2.0)]).body.load is None

@@ -52,6 +52,22 @@ def longest(error: Any) -> tuple[float, float]:
     return float(found[1]), float(found[2])
 
 
+@lm.record
+class Viscous(DryFriction):
+    """Friction that grows with the rate, whose base declares that it resists no kick."""
+
+    def effort(self, t: float, q: float, rate: float) -> float:
+        return -(self.torque / self.speed * rate)
+
+
+def test_friction_that_is_written_anew_is_damping_again() -> None:
+    system = wheel(Viscous("wheel", DAMPING, 1.0))
+    start = system.state(angles={}, rates={"wheel": 1.0})
+    with pytest.raises(lm.errors.NoConvergence, match="joint 'wheel'") as told:
+        lm.integrate(system, lm.LieRATTLE(), start, h=1e-3, steps=100, compiled=False)
+    assert longest(told)[0] == pytest.approx(DAMPING * 1e-3 / (2.0 * INERTIA), rel=1e-3)
+
+
 @pytest.mark.parametrize("how", NATIVE_LATER)
 def test_a_damper_that_throws_a_wheel_back_is_refused(how: bool) -> None:
     system = wheel(Damper("wheel", DAMPING))

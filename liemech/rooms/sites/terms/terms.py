@@ -14,7 +14,7 @@ import numpy as np
 from ....errors import InvalidInput, InvalidType, undefined
 from ....formulas import Mat, Record, Vec, check_finite, derivative, gradient, jacobian, mat, record, vec
 from ....formulas.calls.arguments import ordinary
-from ....formulas.classes.derived import derived
+from ....formulas.classes.derived import derived, derived_from
 from ....formulas.classes.fields import FrozenDict
 from ....formulas.classes.nested import records_in, with_records
 from ....formulas.classes.of_each import Each
@@ -97,6 +97,7 @@ class Term(Record, StandsForAnEnergy):
             raise undefined(self, "covector")
 
         @asked
+        @derived_from("covector")
         def resistance(self, t: float, along: Vec, *sites: Any) -> Vec:
             """The damping -d covector/d a.xi along a velocity of the first of the sites, (dim,): what an explicit kick
             has to resolve.  For a force whose size is bounded, such as regularised dry friction, a subclass may
