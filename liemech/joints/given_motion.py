@@ -238,6 +238,8 @@ def moved(joint: Any, support: Any, path: Any, label: str) -> Any:
                 f"Linkage: {label}, a {type(joint).__name__}, has no coordinates that could follow a path"
             )
         path = TablePath(path) if isinstance(path, PiecewisePolynomial) else path
+        if isinstance(path, TablePath):
+            require_smooth(label, path.table)
         shape = np.shape(np.asarray(path.coordinates(0.0)))
         if shape != (() if joint.freedoms == 1 else (joint.freedoms,)):
             raise InvalidInput(
@@ -255,6 +257,17 @@ def moved(joint: Any, support: Any, path: Any, label: str) -> Any:
         () if path is None else (path,),
         name=joint.name,
     )
+
+
+def require_smooth(label: str, table: PiecewisePolynomial) -> None:
+    """Raise InvalidInput for a table whose value or slope jumps at a knot, along which a joint could not be led by forces."""
+    inside = table if table.outside != "hold" else PiecewisePolynomial(np.asarray(table.knots), table._terms())
+    for name, curve in (("value", inside), ("slope", inside.derivative())):
+        if curve.jumping > 0.0:
+            raise InvalidInput(
+                f"Linkage: the {name} of the table that {label} follows jumps at t = {float(np.asarray(curve.jumps)[0]):g}, which "
+                "no force can do; PiecewisePolynomial.cubic(t, values) is smooth there"
+            )
 
 
 def require_motion(label: str, motion: Any) -> None:

@@ -344,6 +344,26 @@ def test_a_support_works_against_the_motor_of_its_joint():
     assert np.allclose(run.energy - run.energy[0], motion.work + motion.given_work, rtol=0.0, atol=1e-5)
 
 
+def test_a_path_with_a_corner_is_refused():
+    """RKMK went straight on at it, and left the path."""
+    two, table = lm.joints.chain(2, axis=TURN), lm.PiecewisePolynomial
+    times, values = [0.0, 0.05, 1.0], [0.3, 0.35, 0.3]
+    for path, told in (
+        (table.linear(times, values), "the slope of the table that joint 0 follows jumps at t = 0.05"),
+        (table.linear(times, values, outside="hold"), "the slope of .* jumps at t = 0.05"),
+        (table.constant(times, values[:2]), "the value of .* jumps at t = 0.05"),
+        (table.cubic(times, values, outside="repeat"), "the slope of .* jumps at t = 0"),
+    ):
+        with pytest.raises(lm.errors.InvalidInput, match=told):
+            lm.joints.Linkage(two.links, two.joints, motions={0: path})
+    for path in (
+        table.cubic(times, values, outside="hold"),
+        table.cubic(times, values, "periodic", outside="repeat"),
+        table.linear([0.0, 1.0], [0.3, 0.5]),
+    ):
+        lm.joints.Linkage(two.links, two.joints, motions={0: path})
+
+
 @lm.record
 class WithoutRates(lm.joints.BallJoint):
     """A ball joint whose place in space moves along e1 by 0.2 sin(3 t); it does not say how fast."""
