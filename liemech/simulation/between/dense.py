@@ -200,6 +200,13 @@ class MotionBetween:
         return type(self.example), unpacked(layout_of(self.example), numbers)
 
 
+def part_of_way(curve: np.ndarray, part: float, terms: int) -> np.ndarray:
+    """The coefficients of the first part of a way of so many terms, Omega(part theta)."""
+    powers = part ** (1.0 + np.arange(terms))
+    part_curve: np.ndarray = (curve.reshape(terms, -1) * powers[:, None]).reshape(curve.shape)
+    return part_curve
+
+
 @frozen(eq=False)
 class DenseOutput(MotionBetween):
     """The motion as a continuous function of time: in every step a polynomial in the algebra,

@@ -19,7 +19,7 @@ from ...formulas.vectors import Vec
 from ...integrators.ending_at_jumps import jumps_between
 from ...systems.in_time.inputs import has_inputs
 from .. import arguments
-from ..between.dense import DenseOutput, DenseOutputs, flat, packed
+from ..between.dense import DenseOutput, DenseOutputs, flat, packed, part_of_way
 from ..compiled.control import (
     ANEW,
     ATOL,
@@ -172,7 +172,7 @@ class ToleranceRun(Run):
             back = clocks[STEP] * (self.t_end - self.t0) < 0.0
             clocks[STEP, back] = -clocks[STEP, back]
         self.here = np.concatenate([self.t0[None], numbers[:width]])
-        if self.way.breaks or has_inputs(self.laws_of(0)[0]):
+        if not self.way.smooth:
             for i in range(count):
                 system, method = self.laws_of(i)
                 t0, end = float(self.t0[i]), float(self.t_end[i])
@@ -237,9 +237,8 @@ class ToleranceRun(Run):
 
     def end_at(self, row: np.ndarray, begun: float, at: float, numbers: np.ndarray) -> None:
         width = self.lanes.state.width
-        curve = row[1 + width :].reshape(-1, self.laws_of(0)[0].group.dim)
-        powers = ((at - begun) / (row[0] - begun)) ** np.arange(1, len(curve) + 1)
-        row[1 + width :] = (curve * powers[:, None]).ravel()
+        terms = (len(row) - 1 - width) // self.laws_of(0)[0].group.dim
+        row[1 + width :] = part_of_way(row[1 + width :], (at - begun) / (row[0] - begun), terms)
         super().end_at(row, begun, at, numbers)
 
     def cut(self, clock: np.ndarray, at: float) -> None:
@@ -302,8 +301,8 @@ class ToleranceRun(Run):
         return ~self.over & ~at_end & ((self.clocks[MARK] == STUCK) | (self.clocks[TAKEN] >= self.limit))
 
     def _too_small(self, i: int) -> Any:
-        """The error of steps that became too small to go on, from what the last trial raised. what the last trial had
-        to say. A mistake in a formula is raised itself.
+        """The error of steps that became too small to go on, with the error that the last trial raised.  A mistake in a
+        formula is raised itself.
         """
         clock, (system, method) = self.clocks[:, i], self.laws_of(i)
         t, h, steps = float(clock[TIME]), float(clock[STEP]), int(clock[TAKEN])

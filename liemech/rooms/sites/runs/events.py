@@ -16,7 +16,7 @@ from ....formulas import Record, record
 from ....formulas.classes.flattening import build
 from ....formulas.classes.layouts import NUMBER, layout_of
 from ....formulas.classes.records import names_of
-from ....simulation.between.dense import observe, unpacked
+from ....simulation.between.dense import observe, part_of_way, unpacked
 from ....simulation.between.events import Events, Moving
 from ....simulation.compiled.control import LIMIT, TAKEN, TIME, go_on
 from ....simulation.compiled.execution import COLUMNS
@@ -279,7 +279,7 @@ class StepsOfSites(Moving):
             go_on(run.clocks[:, 0], at)
         if run.dense:
             lasting = run.shape.lasting
-            part = part_of_way(whole[lasting:], (at - begin) / (end - begin), run.shape)
+            part = part_of_way(whole[lasting:], (at - begin) / (end - begin), len(run.shape.memory.parts[2].parts))
             run.ways.append((at, np.concatenate([run._memory[:lasting], part])))
 
     def _keep_up_to(self, end: float, last: int) -> None:
@@ -303,11 +303,3 @@ class StepsOfSites(Moving):
         """Keep samples at some ends of steps."""
         if len(ends):
             self.run.samples.keep(self.shown(self.rows[ends]), self.totals[ends])
-
-
-def part_of_way(curve: np.ndarray, part: float, shape: Any) -> np.ndarray:
-    """The coefficients of the first part of a way, Omega(part theta)."""
-    terms = len(shape.memory.parts[2].parts)
-    powers = part ** (1.0 + np.arange(terms))
-    part_curve: np.ndarray = np.repeat(powers, len(curve) // terms)[:, None] * curve
-    return part_curve

@@ -120,7 +120,7 @@ def too_small_steps(run: Any, error: Any) -> Any:
     estimate = run.march.item(ESTIMATE)
     site = getattr(error, "site", None)
     what = repr(run.plan.method) if site is None else f"{run.plan.method!r}: site {site}"
-    failure_of_step = too_small(what, clock[TIME], clock[STEP], goal[1], goal[2], run.taken, error, estimate)
+    failure_of_step: Any = too_small(what, clock[TIME], clock[STEP], goal[1], goal[2], run.taken, error, estimate)
     failure_of_step.site = site
     return failure_of_step
 

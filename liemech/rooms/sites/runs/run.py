@@ -78,8 +78,8 @@ class SiteRun(Course):
         fresh = isinstance(start, StateOfSites)
         state = by_site(plan._one, start if fresh else start.state)
         self.state, self.count = state, state.sites
-        self.t0, self.first = (t0, 0) if fresh else (start.t0, start.step)
-        self.t_start = t0 if fresh else start.t
+        self.t0, self.t_start = (t0, t0) if fresh else (start.t0, start.t)
+        self.first: int = 0 if fresh else start.step
         self.lists: Any = Lists.of(plan._one, site) if plan._sites.listed else None
         if self.lists is not None:
             self.site = self.lists.at(np.asarray(state.parts["g"]))
@@ -209,13 +209,12 @@ class SiteRun(Course):
         width = self.shape.memory.width
         numbers = self.shape.taken_up(start.numbers, self.count)
         self.sites.array[:width] = self._planes(numbers).array
-        if self.adaptive:
-            clock = self.clocks[:, 0]
-            if clock[TIME] == self.t_start:  # and not beyond a jump there
-                clock[:] = start.clock
-                clock[[TAKEN, REJECTED, MARK]] = 0.0
-                if clock[STEP] * (self.t_end - self.t_start) < 0.0:
-                    clock[STEP] = -clock[STEP]
+        clock = self.clocks[:, 0]
+        if self.adaptive and clock[TIME] == self.t_start:  # and not beyond a jump there
+            clock[:] = start.clock
+            clock[[TAKEN, REJECTED, MARK]] = 0.0
+            if clock[STEP] * (self.t_end - self.t_start) < 0.0:
+                clock[STEP] = -clock[STEP]
 
     def executing(self, execution: SiteExecution) -> SiteExecution:
         """Who runs a driver for this run, of whoever does so for all runs: formulas count as they were then."""
