@@ -8,7 +8,8 @@ In the order in which one reads:
     driver.py       the loop in native code, `advance_sites`, around the step of one site
     turns.py        splittings by colours, a step of all sites together; chains.py: chains and rings, solved as a whole
     states.py, shape.py, execution.py       where numbers of sites lie, and who runs native code on them
-    samples.py, events.py, totals.py        what a run keeps, zeros that it looks for, sums over the sites
+    samples.py, totals.py                   what a run keeps, sums over the sites
+    events.py                               the observer of all steps: zeros of events, ways of adaptive steps
     between.py      the motion between samples; lists.py: of the sites that are near each other
 
 Runs of linkages are in `joints/in_memory/`.
