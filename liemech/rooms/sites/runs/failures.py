@@ -33,8 +33,9 @@ def fail(run: Any) -> None:
     failures = [e for e in run.failures if e is not None]
     at = f"step {steps + 1} of {run.first + run.steps}, t = {t:g}"
     site = run.site
-    if run.shape.ending is not None:
-        site = during(site, t, run.h, run.shape.ending.beyond)
+    ending = run.shape.procedure.ending
+    if ending is not None:
+        site = during(site, t, run.h, ending.beyond)
     arguments: Any = everyone(run), site, t, run.h, here, 1 - here
     if not run.adaptive:
         error = run._why(failures, run.notes, lambda i: one_site(run.count, i, one_step, *arguments))

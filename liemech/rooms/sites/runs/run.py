@@ -124,7 +124,7 @@ class SiteRun(Course):
 
     def _room_for(self, width: int) -> Planes:
         """Memory for all sites: two copies of what the method carries along, more where steps are cut."""
-        copies = 2 if self.shape.ending is None else COPIES
+        copies = 2 if self.shape.procedure.ending is None else COPIES
         return Planes.of_rows(copies * width, self.count)
 
     def _planes(self, rows: np.ndarray) -> Planes:

@@ -48,9 +48,8 @@ class SiteShape:
     """The layouts and the native code of runs of a plan whose starts are alike.
 
     beginner : how sites begin.  procedure : how they are taken on.  state : the layout of what is shown of one
-    site.  shown : the content of what the driver writes.  ending : where steps are cut; None: nowhere.  keeps : do
-    samples have states?  named : an example of totals with their names.  watched : does the driver ask events?
-    paces : of runs of so many sites, how many steps a call has come to make.
+    site.  shown : the content of what the driver writes.  keeps : do samples have states?  named : an example of totals with
+    their names.  watched : does the driver ask events?  paces : of runs of so many sites, how many steps a call has come to make.
     """
 
     def __init__(
@@ -71,10 +70,8 @@ class SiteShape:
             started = layout_of(steps.remembering_of(site, first))
         sites_to_try = min(starts.count, SOME)
         carry = one_site(sites_to_try, 0, first_memory, Beginner(method, layout, started, layout), site, self.h, starts)
-        if (
-            level is not None and plan._sites.places is None
-        ):  # all that it carries along may come to depend on the start
-            carry = with_slopes(carry, level)
+        if level is not None and plan._sites.places is None:
+            carry = with_slopes(carry, level)  # all that is carried along may come to depend on the start
         example = rounded(method.observe(carry))
         self.memory, self.state = carried_layout(carry), layout_of(example)
         self.beginner, self.method = Beginner(method, layout, started, self.memory), method
@@ -84,16 +81,13 @@ class SiteShape:
         self.watched = all_steps and plan._sites.of_totals and all(compiles(plan, x, self.named) for x in plan.events)
         all_steps = all_steps and not self.watched
         whole = all_steps and plan.adaptive
-        self.shown = shown = Shown(
-            all_steps or self.keeps, whole, self.memory if whole else self.state, quantities, totals
-        )
-        self.procedure = Procedure(method, control, self.memory, place, shown, all_steps, ending)
+        of_samples = self.memory if whole else self.state
+        self.shown = shown = Shown(all_steps or self.keeps, whole, of_samples, quantities, totals)
+        question: Any = {}
         if self.watched:
-            counted, shown = with_fields(shown, kept=False), with_fields(shown, quantities=())
-            self.procedure = with_fields(
-                self.procedure, shown=shown, counted=counted, events=plan.events, named=self.named
-            )
-        self.ending = ending
+            question = {"events": plan.events, "named": self.named, "counted": with_fields(shown, kept=False)}
+            shown = with_fields(shown, quantities=())
+        self.procedure = Procedure(method, control, self.memory, place, shown, all_steps, ending, **question)
         self.most = min(EIGHT, starts.count) if site.jointed else EIGHT
 
     def _execution(self, driver: Any, *call: Any) -> SiteExecution:
