@@ -359,12 +359,8 @@ class Backward:
 
     def _add_table(self, number: int, cotangents: np.ndarray, through: tuple[int, np.ndarray, float]) -> None:
         """Add the derivative by the coefficients of a table, each by the blocks that meet its interval."""
-        table, met, side, begin = (
-            self.directions.tables.each[number],
-            self.met[number],
-            self.directions.side,
-            through[0],
-        )
+        met, side, begin = self.met[number], self.directions.side, through[0]
+        table = self.directions.tables.each[number]
         block, body = (x.ravel() for x in np.indices(cotangents.shape[:2]))
         count = met.count[begin + block, body]
         each = np.repeat(np.arange(len(block)), count)
