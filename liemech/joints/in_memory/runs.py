@@ -291,7 +291,7 @@ class LinksRun(SiteRun):
             )
             self.of.reached.put(0, 0.0)
 
-    def _kept(self, asked: Any) -> tuple[bool, bool]:
+    def _ways_and_ends(self, asked: Any) -> tuple[bool, bool]:
         """As of a body: all steps are kept if no times are asked for, and their ways if no functions are recorded."""
         dense, all_steps = self.plan.options.dense, asked is None
         return dense is True or (dense is None and all_steps and self.plan.recorder is None), all_steps

@@ -20,7 +20,7 @@ class EndsKept(SiteRun):
         self.step_ends = [self.t_start]
         return super().aim(*given)
 
-    def _quicker(self, pace: int, used: float) -> int:
+    def _next_pace(self, pace: int, used: float) -> int:
         return 1  # step by step
 
     def _attend(self) -> None:

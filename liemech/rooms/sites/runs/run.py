@@ -153,7 +153,7 @@ class SiteRun(Course):
             inner = np.arange(self.first // self.every + 1, -(-last // self.every)) * self.every
             self.numbers = np.array([self.first, *inner, *([last] if self.steps else [])])
             self.t_end = self.t0 + last * h
-            self._set_out(self.t0, h, self.first, last)
+            self._set_clock(self.t0, h, self.first, last)
             if t_eval is None:
                 times = self.t0 + self.numbers * h
                 return times, times
@@ -163,9 +163,9 @@ class SiteRun(Course):
         self.t_end = end = arguments.real(t_end, "t_end")
         asked: Any = arguments.times(t_eval, self.t_start, end)
         ends = np.array([self.t_start, end] if end != self.t_start else [end])
-        self.dense, self.each_end = self._kept(asked)
+        self.dense, self.each_end = self._ways_and_ends(asked)
         self.ways: list[tuple[float, np.ndarray]] = []
-        self._set_out(self.t_start, self.way.first(self.t_start, end), 0, self.steps)
+        self._set_clock(self.t_start, self.way.first(self.t_start, end), 0, self.steps)
         self.goals[:4, 0] = end, self.way.rtol, self.way.atol, self.way.longest
         jumps = () if self.way.smooth else self.way.jumps(self.t_start, end)
         pieces = stretches(jumps, self.t_start, end)
@@ -173,14 +173,14 @@ class SiteRun(Course):
         asked = (ends[:1] if self.each_end else ends) if asked is None else asked
         return asked, asked
 
-    def _kept(self, asked: Any) -> tuple[bool, bool]:
+    def _ways_and_ends(self, asked: Any) -> tuple[bool, bool]:
         """Whether the way of all adaptive steps is kept, and whether there are samples at their ends.  asked : times of
         samples, or None.
         """
         dense = self.plan.options.dense is True
         return dense, dense and asked is None
 
-    def _set_out(self, t0: float, h: float, taken: int, last: int) -> None:
+    def _set_clock(self, t0: float, h: float, taken: int, last: int) -> None:
         """Set clock and goal for steps of a length, from where the run begins to the last one; step 0 was at t0."""
         self.clocks, self.goals = np.array([[self.t_start, h, *FRESH]]).T, np.zeros((GOAL.width, 1))
         self.clocks[TAKEN] = taken
@@ -270,7 +270,7 @@ class SiteRun(Course):
         self._attend()
         used = time.perf_counter() - since
         if turns:
-            self.pace = self.shape.paces[self.count] = self._quicker(self.pace, used)
+            self.pace = self.shape.paces[self.count] = self._next_pace(self.pace, used)
 
     def require_ends(self) -> None:
         t = self.clocks.item(TIME, 0)
@@ -286,7 +286,7 @@ class SiteRun(Course):
         """As of every run; one without samples has not begun."""
         return super()._stopped(error) if self.samples.made or isinstance(error, KeyboardInterrupt) else error
 
-    def _quicker(self, pace: int, used: float) -> int:
+    def _next_pace(self, pace: int, used: float) -> int:
         """How many steps the next call makes, by the seconds that this one has used."""
         if self.lists is not None:
             return 1
@@ -340,7 +340,7 @@ class SiteRun(Course):
         self.notes, self.march[WRITTEN], self.march[MET] = 0, 0.0, 0.0
         try:
             sites = self.count * max(1, left), self.sites.count, self.workers
-            stepping.drive(sites, arguments, shared, arrays, self.failures, self._noted)
+            stepping.drive(sites, arguments, shared, arrays, self.failures, self._take_notes)
         finally:
             written = int(self.march[WRITTEN])
             samples.take(self._sound(written, seen.array[: written * samples.wide]), seen, totals)
@@ -349,7 +349,7 @@ class SiteRun(Course):
         """How many of the samples that the driver has written are kept, of rows of their numbers."""
         return samples
 
-    def _noted(self, calls: Any) -> None:
+    def _take_notes(self, calls: Any) -> None:
         """Take down what native code has noted of its steps."""
         self.compiled = self.compiled or self.adaptive or self.steps > 0
         self.notes = calls.notes
@@ -391,7 +391,7 @@ class SiteRun(Course):
         bench, h = self.bench, end - begin
         bench.t_start, bench.h = begin, h
         bench.samples.times[:], bench.samples.made = begin + h, 0
-        bench._set_out(begin, h, 0, 1)
+        bench._set_clock(begin, h, 0, 1)
         bench._blank()
         bench._begin_at(rows)
         bench._steps(1, bench.samples)
