@@ -78,8 +78,8 @@ class SiteRun(Course):
         fresh = isinstance(start, StateOfSites)
         state = by_site(plan._one, start if fresh else start.state)
         self.state, self.count = state, state.sites
-        self.t0, self.t_start = (t0, t0) if fresh else (start.t0, start.t)
-        self.first: int = 0 if fresh else start.step
+        origin: tuple[float, float, int] = (t0, t0, 0) if fresh else (start.t0, start.t, start.step)
+        self.t0, self.t_start, self.first = origin
         self.lists: Any = Lists.of(plan._one, site) if plan._sites.listed else None
         if self.lists is not None:
             self.site = self.lists.at(np.asarray(state.parts["g"]))
