@@ -166,6 +166,22 @@ def test_tangents() -> None:
         assert found[:, j] == pytest.approx(column, rel=1e-8)
 
 
+@pytest.mark.parametrize("group", [lm.SO3(), lm.UnitQuaternions()], ids=repr)
+def test_tangents_on_groups(group: lm.LieGroup) -> None:
+    """Of bodies, whose elements are those of their own group, not of its product with the time."""
+    body = lm.RigidBody([1.0, 1.5, 2.0], group=group)
+    slowed = lm.SundmanTransformed(body, lambda mu: 1.0 / (1.0 + mu[0] ** 2))
+    plan = lm.Plan(slowed, lm.RKMK(order=4), h=0.1, compiled=False)
+    mu, g, e = np.array([0.5, 0.1, 0.8]), group.exp([0.3, -0.2, 0.5]), 1e-5
+    found, middle = plan.tangent(body.state(mu, g), steps=5).tangent["start"][-1], plan.run(body.state(mu, g), steps=5)
+    for j, unit in enumerate(np.eye(6)):
+        starts = [body.state(mu + s * e * unit[:3], group.compose_exp(g, s * e * unit[3:])) for s in (1.0, -1.0)]
+        there, back = [plan.run(start, steps=5) for start in starts]
+        turned = group.body_velocity(middle.g[-1], (there.g[-1] - back.g[-1]) / (2 * e))
+        column = [*(there.mu[-1] - back.mu[-1]) / (2 * e), *turned, (there.t[-1] - back.t[-1]) / (2 * e)]
+        assert found[:, j] == pytest.approx(column, rel=1e-7, abs=1e-9)
+
+
 def test_what_is_refused() -> None:
     slow = lm.SundmanTransformed(Spiral(), speed)
     with pytest.raises(IncompatibleSystem, match="not in a fictive time yet"):

@@ -13,6 +13,7 @@ from ...formulas.derivatives import BELOW
 from ...formulas.numbers.transposes import turned
 from ...simulation.between.dense import evaluated, flat, report
 from ..fictive_time.clocked import Clocked
+from ..fictive_time.sundman import InFictiveTime
 
 LEVEL = BELOW
 """Level of the numbers that carry the derivative."""
@@ -113,7 +114,7 @@ def dual_basis(basis: np.ndarray) -> np.ndarray:
 
 def group_of(system: Any) -> Any:
     """The group of the elements in the states of a system, which may have a clock."""
-    inner = system.system if isinstance(system, Clocked) else system
+    inner = system.system if isinstance(system, (Clocked, InFictiveTime)) else system
     return inner.configurations if hasattr(inner, "configurations") else inner.group
 
 
