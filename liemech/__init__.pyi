@@ -125,6 +125,9 @@ from .rooms.fictive_time.sundman import SundmanTransformed as SundmanTransformed
 from .rooms.fictive_time.time_scales import TimeScale as TimeScale
 from .rooms.fictive_time.time_transformed import LogarithmicHamiltonian as LogarithmicHamiltonian
 from .rooms.fictive_time.time_transformed import TimeTransformed as TimeTransformed
+from .rooms.fields.density import FieldDensity as FieldDensity
+from .rooms.fields.density import StrainEnergy as StrainEnergy
+from .rooms.fields.field import Field as Field
 from .rooms.hamilton_jacobi.hamilton_jacobi import HamiltonJacobi as HamiltonJacobi
 from .rooms.hamilton_jacobi.hamilton_jacobi import SymmetricHamiltonJacobi as SymmetricHamiltonJacobi
 from .rooms.hamilton_jacobi.lie_poisson_first_kind import FirstKindHamiltonJacobi as FirstKindHamiltonJacobi

@@ -27,6 +27,7 @@ from ..systems.cotangent import CotangentMotion
 from ..systems.lie_poisson import LiePoissonMotion
 from ..systems.mechanical import MechanicalSystem
 from ..systems.system import small_state
+from .forms_of_sites import FormsOfSites, has_forms
 from .points.phase_space_charts import FREE_OF_CONSTRAINTS, BoundCharts, Charts, ConstrainedCharts
 from .points.sample_points import STEP, Units, size
 from .points.sample_states import CENTRAL, ended, run_of
@@ -291,7 +292,7 @@ def bracket(trial: MethodTrial, charts: Charts, name: str, formula: str, claimed
     return exactly(name, formula, claimed, relative_defect(trial, charts, claimed), BRACKET)
 
 
-def relative_defect(trial: Any, charts: Charts, claimed: bool) -> float:
+def relative_defect(trial: Any, charts: Any, claimed: bool) -> float:
     """The relative defect of a bracket along steps, 0 if they keep it.
 
     A defect that is claimed not to be there is looked at again with closer and closer starts: what
@@ -393,6 +394,9 @@ def claims(trial: MethodTrial, keeps: tuple[str, ...], native: bool) -> Iterator
     yield way_back(trial)
     for law, formula, claimed, charts in kept_brackets(system, start, trial.method):
         yield bracket(trial, charts, law, formula, claimed)
+    if has_forms(system, trial.method):
+        formula = "d om_i = (h/2) (kappa_i + kappa_i'), of each site the two-form and what flows to it"
+        yield bracket(trial, FormsOfSites(system, start, True), "multisymplectic", formula, trial.method.symplectic)
     if isinstance(system, ConstrainedSystem) and trial.method.symplectic:
         keeps = (*keeps, "constraint", "hidden constraint")
     yield from kept(trial, keeps)

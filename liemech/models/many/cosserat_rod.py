@@ -16,11 +16,11 @@ from ...formulas.classes.of_each import Each, each
 from ...groups.retractions import Exponential, Retraction
 from ...groups.rigid.se3 import SE3, join
 from ...integrators.variational import with_inertia
-from ...rooms.sites.graphs import edges
-from ...rooms.sites.terms.terms import PerSite, Term, Terms
+from ...rooms.fields.cell import CellTerm
+from ...rooms.fields.density import FieldDensity, StrainEnergy
+from ...rooms.fields.in_cells import FieldInCells
+from ...rooms.sites.terms.terms import PerSite, Term
 from ...systems.kinetic_energy import KineticEnergy, times
-from ...systems.lie_poisson import LiePoissonSystem
-from ...systems.mechanical import MechanicalSystem
 from ...systems.potential import Force
 from ..input_checks import check_positive
 from .rod_section import RodSection
@@ -33,7 +33,7 @@ STRAIGHT = (0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
 @record
-class RodStrain(Term):
+class RodStrain(CellTerm):
     """The energy of an element of a rod between two frames, a term of two on SE(3):
 
         W = (l/2) e . K e,   e = tau^-1(g_a^-1 g_b)/l - u_0
@@ -56,42 +56,29 @@ class RodStrain(Term):
     rest: Vec = Vec(*STRAIGHT)
     retraction: Retraction = Exponential()
 
-    def displacement(self, a: Any, b: Any) -> Vec:
-        """The displacement between both frames, x = tau^-1(g_a^-1 g_b)."""
-        return self.retraction.tau_inv(SE3(), SE3().compose(SE3().inverse(a.g), b.g))
+    @property
+    def on(self) -> SE3:
+        """SE(3)."""
+        return SE3()
 
     def strain(self, a: Any, b: Any) -> Vec:
         """e, (6,): what curvatures, twist, shear and stretch are beyond those at rest."""
         return (1.0 / self.length) * self.displacement(a, b) - self.rest
 
-    def wrench(self, x: Vec) -> Vec:
-        """m = K (x/l - u_0), moment and force in the element."""
-        return times(self.stiffness, (1.0 / self.length) * x - self.rest)
+    def stored(self, eta: Vec) -> float:
+        """(u - u_0) . K (u - u_0)/2."""
+        return 0.5 * dot(eta - self.rest, self.stress(eta))
 
-    def energy(self, a: Any, b: Any) -> float:
-        """(l/2) e . K e."""
-        e = self.strain(a, b)
-        return (0.5 * self.length) * dot(e, times(self.stiffness, e))
-
-    def force(self, group: Any, k: int, *sites: Any) -> Vec:
-        """Moment and force on the first frame, k = 0, or on the second, each in its axes."""
-        x = self.displacement(*sites)
-        if k == 0:
-            return self.retraction.dtau_inv_dual(group, -x, self.wrench(x))
-        return -self.retraction.dtau_inv_dual(group, x, self.wrench(x))
-
-    def forces(self, group: Any, *sites: Any) -> tuple[Vec, ...]:
-        """The covectors of torque and force on both frames."""
-        x = self.displacement(*sites)
-        m, tau = self.wrench(x), self.retraction
-        return tau.dtau_inv_dual(group, -x, m), -tau.dtau_inv_dual(group, x, m)
+    def stress(self, eta: Vec) -> Vec:
+        """m = K (u - u_0), moment and force in the element."""
+        return times(self.stiffness, eta - self.rest)
 
     def stiffnesses(self, group: Any, *sites: Any) -> tuple[tuple[Mat, ...], ...]:
         """With x' = dtau^-1_x eta_b - dtau^-1_-x eta_a and n = (dtau^-1_x)* m, so that (dtau_x)* n = m,
         n' = (dtau^-1_x)* (K/l x' - ((dtau_x)* n)' at fixed n).
         """
         tau, x = self.retraction, self.displacement(*sites)
-        m, rigidity = self.wrench(x), (1.0 / self.length) * self.stiffness
+        m, rigidity = self.stress((1.0 / self.length) * x), (1.0 / self.length) * self.stiffness
         by_ends: list[Any] = []
         for y, sign in ((x, -1.0), (-x, 1.0)):
             by_end = mat(*[tau.dtau_inv(group, y, unit) for unit in UNITS])  # its transpose
@@ -148,7 +135,7 @@ def turned_back(g: Any, a: Vec) -> Vec:
 
 
 @record
-class CosseratRod(MechanicalSystem):
+class CosseratRod(FieldInCells):
     """An elastic rod that stretches, shears, bends and twists as far as it likes, in `elements` of
     constant strain between frames on SE(3).
 
@@ -175,9 +162,6 @@ class CosseratRod(MechanicalSystem):
     Numer. Math. 130 (2015), 73 (variational integrators of beams).
     """
 
-    body: Any = field(init=False, repr=False)
-    potential: Any = field(init=False, repr=False)
-    load: Any = field(init=False, repr=False)
     section: RodSection = field(repr=False)
     length: float
     elements: int
@@ -190,31 +174,6 @@ class CosseratRod(MechanicalSystem):
     damping: float = 0.0
     rest: Any = Vec(*STRAIGHT)
     retraction: Retraction = Exponential()
-
-    def __post_init__(self) -> None:
-        self._check()
-        n = self.elements
-        nodes = np.arange(n if self.closed else n + 1)
-        J = self.inertias
-        ends = zip((0, n), () if self.closed else self.ends)
-        by_end: dict[str, list[int]] = {"clamped": [], "hinged": [], "free": []}
-        for node, end in ends:
-            by_end[end].append(node)
-        group = SE3() ** len(nodes)
-        kinetic: Any = PerSite(KineticEnergy(each(J)))
-        element = self.element
-        pairs = np.stack([np.arange(n), (np.arange(n) + 1) % len(nodes)], axis=1)
-        terms: list[Any] = [element.over(edges(pairs, sites=len(nodes), ordered=True))]
-        pull, M, w = self.loads
-        if pull.any():
-            terms.append(DeadForce(each(pull)).over())
-        load = None
-        if self.damping or w.any() or M.any():
-            load = PerSite(RodLoad(each(w), each(M), each(self.damping * J)))
-        object.__setattr__(self, "body", LiePoissonSystem(group, kinetic))
-        object.__setattr__(self, "potential", Terms(*terms, held=by_end["clamped"], pinned=by_end["hinged"]))
-        object.__setattr__(self, "load", load)
-        super().__post_init__()
 
     def _check(self) -> None:
         """Raise InvalidInput or InvalidType for what is no rod."""
@@ -252,17 +211,23 @@ class CosseratRod(MechanicalSystem):
         if self.closed and (any(self.tip_force) or any(self.tip_moment) or any(self.following)):
             raise InvalidInput(f"{name}: a closed rod has no tip to load")
 
-    # ---------------------------------------------------------------- shapes
-
-    @cached_property
-    def frames(self) -> int:
-        """The number of frames of the rod."""
-        return self.elements if self.closed else self.elements + 1
+    # ---------------------------------------------------------------- as a field
 
     @property
-    def arc(self) -> np.ndarray:
-        """Where the frames are along the rod without force, (frames,), in m."""
-        return np.arange(self.frames) * (self.length / self.elements)
+    def target(self) -> SE3:
+        """SE(3), the group of the frames."""
+        return SE3()
+
+    @property
+    def cells(self) -> int:
+        """The number of elements."""
+        return self.elements
+
+    @cached_property
+    def density(self) -> FieldDensity:
+        """xi . J xi/2 - (u - u_0) . K (u - u_0)/2."""
+        section = self.section
+        return FieldDensity(KineticEnergy(section.inertia), StrainEnergy(section.stiffness, self.rest))
 
     @cached_property
     def element(self) -> RodStrain:
@@ -270,12 +235,33 @@ class CosseratRod(MechanicalSystem):
         return RodStrain(self.length / self.elements, self.section.stiffness, self.rest, self.retraction)
 
     @property
+    def cell(self) -> RodStrain:
+        """The energy of an element."""
+        return self.element
+
+    def held(self) -> tuple[list[int], list[int]]:
+        """The frames that are clamped, and those that are hinged."""
+        ends = [*zip((0, self.elements), () if self.closed else self.ends)]
+        clamped, hinged = ([node for node, end in ends if end == what] for what in ENDS[:2])
+        return clamped, hinged
+
+    def others(self) -> tuple[list[Any], Any]:
+        """Weights and dead forces, and the load."""
+        pull, M, w = self.loads
+        load = None
+        if self.damping or w.any() or M.any():
+            load = PerSite(RodLoad(each(w), each(M), each(self.damping * self.inertias)))
+        return [DeadForce(each(pull)).over()] if pull.any() else [], load
+
+    @property
+    def frames(self) -> int:
+        """The number of frames of the rod."""
+        return self.nodes
+
+    @property
     def inertias(self) -> np.ndarray:
         """The inertias of the frames, (frames, 6): at each frame half of the elements beside it."""
-        share = np.full(self.frames, self.length / self.elements)
-        if not self.closed:
-            share[[0, -1]] *= 0.5
-        return np.asarray(share[:, None] * np.array(self.section.inertia))
+        return np.asarray(self.parts[:, None] * np.array(self.section.inertia))
 
     @property
     def loads(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -301,22 +287,7 @@ class CosseratRod(MechanicalSystem):
         strain: Any = self.element.rest
         return strain.values if isinstance(strain, Each) else np.array(strain)
 
-    def shape(self, u: Any = None, start: Any = None) -> np.ndarray:
-        """The frames of a rod with strain u, (frames, 4, 4): g_k+1 = g_k tau(l u_k).
-
-        u : curvatures, twist, shear and stretch, (6,) or (N, 6), in rad/m and 1; as at rest if left
-        out.  start : the first frame, (4, 4); the identity if left out.
-        """
-        name, n = f"{type(self).__name__}.shape", self.elements
-        strain = self.rest_strain if u is None else real_array(u, f"{name}: u")
-        if strain.shape not in ((6,), (n, 6)):
-            raise InvalidInput(f"{name}: u is (6,) or ({n}, 6); got shape {strain.shape}")
-        frames = np.empty((self.frames, 4, 4))
-        frames[0] = np.eye(4) if start is None else start
-        h = self.retraction.tau(SE3(), np.broadcast_to(strain, (n, 6)) * (self.length / n))
-        for k in range(self.frames - 1):
-            frames[k + 1] = frames[k] @ h[k]
-        return frames
+    # ---------------------------------------------------------------- shapes
 
     def along(self, curve: Any, twist: float = 0.0) -> np.ndarray:
         """Frames along a curve, (frames, 4, 4), with e3 along it, and e1, e2 turning about it by
@@ -366,17 +337,7 @@ class CosseratRod(MechanicalSystem):
         frames[:, :3, 3] = x
         return frames
 
-    def at_rest(self, g: Any = None) -> Any:
-        """The start of a rod that does not move.  g : its frames, (frames, 4, 4); without force if left out."""
-        return self.state(mu=np.zeros((self.frames, 6)), g=self.shape() if g is None else g)
-
     # ---------------------------------------------------------------- what one asks of a rod
-
-    def strains(self, g: Any) -> np.ndarray:
-        """Curvatures, twist, shear and stretch of the elements, u = tau^-1(g_k^-1 g_k+1)/l, (..., N,
-        6), in their own axes.  g : (..., frames, 4, 4).
-        """
-        return self._displacements("strains", g)[2] * (self.elements / self.length)
 
     def between(self, g: Any, pieces: int) -> np.ndarray:
         """The frames and others between them, `pieces` to an element: g_a tau(s tau^-1(g_a^-1 g_b)), the
@@ -391,21 +352,20 @@ class CosseratRod(MechanicalSystem):
         frames = frames.reshape(*first.shape[:-3], -1, 4, 4)
         return np.concatenate([frames, second[..., -1:, :, :]], axis=-3)
 
-    def _displacements(self, name: str, g: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The frames at both ends of the elements, and x = tau^-1(g_a^-1 g_b), (..., N, 6)."""
-        first = real_array(g, f"{type(self).__name__}.{name}: g")
-        second = np.roll(first, -1, axis=-3)
-        if not self.closed:
-            first, second = first[..., :-1, :, :], second[..., :-1, :, :]
-        h = SE3().compose(SE3().inverse(first), second)
-        return first, second, np.asarray(self.retraction.tau_inv(SE3(), h))
-
     @closed_form_of("element")
     def wrenches(self, g: Any) -> np.ndarray:
         """Moment and force in the elements, K (u - u_0), (..., N, 6), in N m and N, in their own
         axes.  g : (..., frames, 4, 4).
         """
         return np.array(self.section.stiffness) * (self.strains(g) - self.rest_strain)
+
+    stresses = wrenches
+
+    @closed_form_of("element")
+    def stored_energies(self, g: Any) -> np.ndarray:
+        """(l/2) e . K e of the elements, (..., N), in J.  g : (..., frames, 4, 4)."""
+        e = self.strains(g) - self.rest_strain
+        return (0.5 * self.length / self.elements) * (e * self.wrenches(g)).sum(axis=-1)
 
     def stiffness(self, g: Any) -> Any:
         """How the forces on all frames fall as these move, -df/dzeta with g exp(zeta): a sparse
@@ -432,17 +392,9 @@ class CosseratRod(MechanicalSystem):
             raise InvalidInput(f"{type(self).__name__}.{name}: g is ({self.frames}, 4, 4); got shape {frames.shape}")
         return frames
 
-    def total_momentum(self, mu: Any, g: Any) -> np.ndarray:
-        """Angular momentum about the origin and linear momentum of the whole rod in space, (..., 6)."""
-        momentum: np.ndarray = np.asarray(SE3().K(np.asarray(g), np.asarray(mu))).sum(axis=-2)
-        return momentum
-
     def momenta_of_sites(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """The total momentum of a rod that nothing holds and pulls at.  states : mu, (..., frames, 6),
-        and g, (..., frames, 4, 4).
-        """
-        free = self.closed or self.ends == ("free", "free")
-        if not free or len(self.potential.parts) > 1 or self.load is not None:
-            return {}
-        total = self.total_momentum(states["mu"], states["g"])
-        return {"angular momentum": total[..., :3], "momentum": total[..., 3:]}
+        """The total momentum of a rod that nothing holds and pulls at, angular and linear."""
+        momenta = super().momenta_of_sites(states).values()
+        return {
+            name: total[..., k : k + 3] for total in momenta for name, k in (("angular momentum", 0), ("momentum", 3))
+        }

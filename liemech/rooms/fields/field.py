@@ -1,0 +1,144 @@
+"""Fields g(s, t) on a group, with ends that are free, held, loaded or closed to a ring."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ...errors import InvalidInput, require
+from ...formulas import Element, Vec, record
+from ...formulas.classes.of_each import each
+from ...groups.lie_group import LieGroup
+from ...groups.retractions import Exponential, Retraction
+from ...systems.potential import Force, Potential
+from ..sites.terms.terms import PerSite, Terms
+from .cell import Cell
+from .density import FieldDensity
+from .in_cells import FieldInCells
+
+
+@record
+class Field(FieldInCells):
+    """A field g(s, t) on a group, with the density l(eta, xi), in cells along a line.
+
+    target : the group, such as SO3().  density : a FieldDensity, of the strain eta = g^-1 g_s and the
+    velocity xi = g^-1 g_t.
+    length : of the line.  cells : how many; there are as many nodes, and one more on a line that is not
+    closed.
+    ends : of the first node and the last, each "free", "held", or a Potential or a Force that acts there.
+    closed : the last cell leads back to the first node.
+    acting : Potentials and Forces in a unit of length.
+    retraction : tau, of the strain of cells.
+
+    States have a row for each node: mu, (nodes, dim), momenta w mu of the part w of the line at a node, and
+    elements g.  `in_space` is the field whose steps go along s.  Steps are KickDrift()'s; on groups whose free
+    motion is not known, KickDrift(CovariantVariational(Cayley())).
+
+    Source: Demoures, Gay-Balmaz, Kobilarov and Ratiu, Commun. Nonlinear Sci. Numer. Simul. 19 (2014), 3492;
+    Ellis, Gay-Balmaz, Holm, Putkaradze and Ratiu, Arch. Ration. Mech. Anal. 197 (2010), 811 (covariant
+    Euler-Poincare equations).
+    """
+
+    target: LieGroup
+    density: FieldDensity
+    length: float
+    cells: int
+    ends: tuple[Any, Any] = ("free", "free")
+    closed: bool = False
+    acting: tuple[Any, ...] = ()
+    retraction: Retraction = Exponential()
+
+    def _check(self) -> None:
+        name = type(self).__name__
+        require(f"{name}: target", self.target, LieGroup, "SO3()")
+        require(f"{name}: density", self.density, FieldDensity, "FieldDensity(KineticEnergy(M), KineticEnergy(C))")
+        require(f"{name}: retraction", self.retraction, Retraction, "Exponential()")
+        if not (isinstance(self.length, float) and 0.0 < self.length < np.inf):
+            raise InvalidInput(f"{name}: length must be positive and finite; got {self.length!r}")
+        least = 3 if self.closed else 1
+        if type(self.cells) is not int or self.cells < least:
+            raise InvalidInput(f"{name}: cells must be a whole number from {least} on; got {self.cells!r}")
+        if not isinstance(self.ends, tuple) or len(self.ends) != 2:
+            raise InvalidInput(f'{name}: ends are two, such as ("held", "free"); got {self.ends!r}')
+        for end in self.ends:
+            if end not in ("free", "held") and not isinstance(end, (Potential, Force)):
+                raise InvalidInput(f'{name}: an end is "free", "held", a Potential or a Force; got {end!r}')
+        for energy in self.acting:
+            require(f"{name}: acting", energy, (Potential, Force), "a Potential or a Force in a unit of length")
+
+    @property
+    def cell(self) -> Cell:
+        """The energy of a cell."""
+        return Cell(self.target, self.density.stored, self.length / self.cells, self.retraction)
+
+    def held(self) -> tuple[list[int], list[int]]:
+        """The nodes at ends that are held; none turns where it is."""
+        ends = () if self.closed else zip((0, self.cells), self.ends)
+        return [node for node, end in ends if end == "held"], []
+
+    def others(self) -> tuple[list[Any], Any]:
+        """Terms of the potentials that act on nodes, and the load."""
+        parts = [(energy, self.parts) for energy in self.acting]
+        if not self.closed:
+            parts += [
+                (end, unit) for end, unit in zip(self.ends, np.eye(self.nodes)[[0, -1]]) if not isinstance(end, str)
+            ]
+        potentials = [PerSite(PartOfPotential(V, each(w))) for V, w in parts if isinstance(V, Potential)]
+        forces = [PerSite(PartOfForce(F, each(w))) for F, w in parts if isinstance(F, Force)]
+        return potentials, Terms(*forces) if forces else None
+
+    def in_space(
+        self, duration: float, steps: int, ends: tuple[Any, Any] = ("free", "free"), closed: bool = False
+    ) -> Field:
+        """The field whose steps go along s, and whose nodes are times: -l, with the roles of xi and eta exchanged.
+
+        duration : of the column, in s, in so many steps.  ends : at the first time and the last; "free" where there
+        is no momentum.  closed : periodic in time.  Its momenta are the internal forces dPhi/deta, and its longest
+        stable step is that in which the slowest wave goes for a time step.
+        """
+        forces = [energy for energy in self.acting if isinstance(energy, Force)]
+        if forces:
+            raise InvalidInput(
+                f"{type(self).__name__}.in_space: {forces[0]!r} has no potential, and marches in time only"
+            )
+        acting = tuple([PartOfPotential(V, -1.0) for V in self.acting])
+        return type(self)(self.target, self.density.exchanged, duration, steps, ends, closed, acting, self.retraction)
+
+
+@record
+class PartOfPotential(Potential):
+    """A potential in a unit of length on a part of the line, w V(g).
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 7.7.
+    """
+
+    potential: Potential
+    part: float
+
+    def energy(self, g: Any) -> float:
+        """w V(g)."""
+        return self.part * self.potential.energy(g)
+
+    def force(self, group: LieGroup, g: Element) -> Vec:
+        """w times the force of V."""
+        return self.part * self.potential.force(group, g)
+
+
+@record
+class PartOfForce(Force):
+    """A force in a unit of length on a part of the line, w F(t, xi, g).
+
+    Source: Marsden and West, Discrete mechanics and variational integrators, Acta Numerica 10 (2001), section 3.1.
+    """
+
+    force: Force
+    part: float
+
+    def covector(self, t: float, xi: Vec, g: Any) -> Vec:
+        """w F(t, xi, g)."""
+        return self.part * self.force.covector(t, xi, g)
+
+    def resistance(self, t: float, xi: Vec, g: Any, along: Vec) -> Vec:
+        """w times the damping of F."""
+        return self.part * self.force.resistance(t, xi, g, along)

@@ -1,0 +1,250 @@
+"""Fields on a group in cells along a line, as systems of many sites: nodes with a part of the kinetic energy each, and
+cells that tie them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import InvalidInput
+from ...formulas import check_finite, real_array, record
+from ...formulas.classes.derived import closed_form_of
+from ...groups.lie_group import LieGroup
+from ...groups.retractions import Retraction
+from ...simulation.reports.drift import Drift
+from ...systems.lie_poisson import LiePoissonSystem
+from ...systems.mechanical import MechanicalSystem
+from ..sites.graphs import edges
+from ..sites.terms.terms import PerSite, Terms
+from .cell import CellTerm
+from .density import FieldDensity, on_parts
+
+
+@record
+class FieldInCells(MechanicalSystem):
+    """A field g(s, t) with the density l(eta, xi) = T(xi) - Phi(eta), eta = g^-1 g_s, xi = g^-1 g_t, in cells
+    between nodes along a line; abstract.
+
+        H = sum_j w_j T*(mu_j/w_j) + sum_cells l Phi(tau^-1(g_j^-1 g_j+1)/l) + what acts on nodes
+
+    A subclass has `target`, `density`, `cell`, `length`, `cells`, `closed` and `retraction`, as fields or
+    properties, and says what acts on nodes as `others` and which are held as `held`.
+
+    w_j is the cell length l, at the ends of a line that is not closed l/2.  Steps of KickDrift() solve the discrete
+    covariant Euler-Poincare equations
+
+        w_j (mu-_jk - mu+_j,k-1)/h + l (lam-_jk - lam+_j-1,k)/l = w_j f_jk
+
+    at every node j and time k, with mu and lam the momenta of time edges and cells at their starts (-) and ends (+).
+
+    Source: Demoures, Gay-Balmaz, Kobilarov and Ratiu, Commun. Nonlinear Sci. Numer. Simul. 19 (2014), 3492;
+    Marsden, Patrick and Shkoller, Commun. Math. Phys. 199 (1998), 351 (multisymplectic integrators).
+    """
+
+    if TYPE_CHECKING:  # fields here would be arguments of every such system
+
+        @property
+        def target(self) -> LieGroup: ...
+
+        @property
+        def density(self) -> FieldDensity: ...
+
+        @property
+        def cell(self) -> CellTerm: ...
+
+        @property
+        def length(self) -> float: ...
+
+        @property
+        def cells(self) -> int: ...
+
+        @property
+        def closed(self) -> bool: ...
+
+        @property
+        def retraction(self) -> Retraction: ...
+
+    body: Any = field(init=False, repr=False)
+    potential: Any = field(init=False, repr=False)
+    load: Any = field(init=False, repr=False)
+
+    def others(self) -> tuple[list[Any], Any]:
+        """Terms of the potential beside that of cells, and the load, None if there is none."""
+        return [], None
+
+    def held(self) -> tuple[list[int], list[int]]:
+        """The nodes that do not move, and those that turn where they are."""
+        return [], []
+
+    def __post_init__(self) -> None:
+        self._check()
+        n, (terms, load), (held, pinned) = self.cells, self.others(), self.held()
+        pairs = np.stack([np.arange(n), (np.arange(n) + 1) % self.nodes], axis=1)
+        cells = self.cell.over(edges(pairs, sites=self.nodes, ordered=True))
+        kinetic: Any = PerSite(on_parts(self.density.kinetic, self.parts))
+        object.__setattr__(self, "body", LiePoissonSystem(self.target**self.nodes, kinetic))
+        object.__setattr__(self, "potential", Terms(cells, *terms, held=held, pinned=pinned))
+        object.__setattr__(self, "load", load)
+        super().__post_init__()
+
+    def _check(self) -> None:
+        """Raise InvalidInput or InvalidType for what is no field."""
+
+    # ---------------------------------------------------------------- shapes
+
+    @property
+    def nodes(self) -> int:
+        """The number of nodes."""
+        return self.cells if self.closed else self.cells + 1
+
+    @property
+    def arc(self) -> np.ndarray:
+        """Where the nodes are along the line, (nodes,)."""
+        return np.arange(self.nodes) * (self.length / self.cells)
+
+    @property
+    def parts(self) -> np.ndarray:
+        """The part w of the line that each node has, half of the cells at it, (nodes,)."""
+        parts = np.full(self.nodes, self.length / self.cells)
+        if not self.closed:
+            parts[[0, -1]] *= 0.5
+        return parts
+
+    @property
+    def rest_strain(self) -> np.ndarray:
+        """The strain without force, (dim,), or of each cell, (cells, dim)."""
+        return np.array(getattr(self.density.stored, "rest", np.zeros(self.target.dim)))
+
+    def shape(self, u: Any = None, start: Any = None) -> np.ndarray:
+        """The elements of a field with strain u, (nodes, ...): g_k+1 = g_k tau(l u_k).
+
+        u : (dim,) or (cells, dim); as without force if left out.  start : the first element; the
+        identity if left out.
+        """
+        name, n, dim = f"{type(self).__name__}.shape", self.cells, self.target.dim
+        strain = self.rest_strain if u is None else real_array(u, f"{name}: u")
+        check_finite(strain, f"{name}: u")
+        if strain.shape not in ((dim,), (n, dim)):
+            raise InvalidInput(f"{name}: u is ({dim},) or ({n}, {dim}); got shape {strain.shape}")
+        h = np.asarray(self.retraction.tau(self.target, np.broadcast_to(strain, (n, dim)) * (self.length / n)))
+        g = np.empty((self.nodes, *h.shape[1:]), h.dtype)
+        g[0] = self.target.identity() if start is None else start
+        for k in range(self.nodes - 1):
+            g[k + 1] = self.target.compose(g[k], h[k])
+        return g
+
+    def at_rest(self, g: Any = None) -> Any:
+        """The start of a field that does not move.  g : its elements, (nodes, ...); without force if left out."""
+        return self.state(mu=np.zeros((self.nodes, self.target.dim)), g=self.shape() if g is None else g)
+
+    def strains(self, g: Any) -> np.ndarray:
+        """The strains of the cells, u = tau^-1(g_k^-1 g_k+1)/l, (..., cells, dim).  g : (..., nodes, ...)."""
+        return self._displacements("strains", g)[2] * (self.cells / self.length)
+
+    @closed_form_of("cell")
+    def stresses(self, g: Any) -> np.ndarray:
+        """The internal forces dPhi/deta of the cells, (..., cells, dim).  g : (..., nodes, ...)."""
+        return np.asarray(self.density.stored.momentum(self.strains(g)))
+
+    @closed_form_of("cell")
+    def stored_energies(self, g: Any) -> np.ndarray:
+        """The energies l Phi of the cells, (..., cells).  g : (..., nodes, ...)."""
+        return np.asarray(self.length / self.cells * self.density.stored.value(self.strains(g)))
+
+    def _displacements(self, name: str, g: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The elements at both ends of the cells, and x = tau^-1(g_a^-1 g_b), (..., cells, dim)."""
+        first, axis = real_array(g, f"{type(self).__name__}.{name}: g"), -1 - len(self.target.element_shape)
+        second = np.roll(first, -1, axis=axis)
+        if not self.closed:
+            first, second = (np.delete(x, -1, axis=axis) for x in (first, second))
+        h = self.target.compose(self.target.inverse(first), second)
+        return first, second, np.asarray(self.retraction.tau_inv(self.target, h))
+
+    # ---------------------------------------------------------------- what flows through it
+
+    def currents(self, g: Any) -> np.ndarray:
+        """The momentum that flows through each cell in a unit of time, in space, towards larger s,
+        (..., cells, dim): n = K_g lam, lam = -dPhi/deta carried to a node.  g : (..., nodes, ...).
+        """
+        first, _, x = self._displacements("currents", g)
+        carried = self.retraction.dtau_inv_dual(self.target, -x, self.stresses(g))
+        return -np.asarray(self.target.K(first, carried))
+
+    def energy_currents(self, mu: Any, g: Any) -> np.ndarray:
+        """The energy that flows through each cell in a unit of time, towards larger s, (..., cells): the
+        mean of <lam, xi> at its ends.  mu : (..., nodes, dim), g : (..., nodes, ...).
+        """
+        _, _, x = self._displacements("energy_currents", g)
+        m, mu = self.stresses(g), real_array(mu, f"{type(self).__name__}.energy_currents: mu")
+        ends = [-np.asarray(self.retraction.dtau_inv_dual(self.target, y, m)) for y in (-x, x)]
+        xi = self._velocities(mu)
+        after = np.roll(xi, -1, axis=-2)[..., : self.cells, :]
+        return 0.5 * ((ends[0] * xi[..., : self.cells, :]).sum(axis=-1) + (ends[1] * after).sum(axis=-1))
+
+    def _velocities(self, mu: np.ndarray) -> np.ndarray:
+        """The velocities of the nodes.  mu : (..., nodes, dim)."""
+        return np.asarray(self.density.kinetic.gradient(mu / self.parts[:, None]))
+
+    def balance(self, run: Any) -> Drift:
+        """How well momentum and energy of each node that is free change by what flows through the cells at it.
+
+        run : by KickDrift(), with every step.  Momenta in space change by the currents at both ends of a step,
+        to rounding; the energy, T and half of that of the cells at a node, by an error of second order.
+        Raises InvalidInput for a run without momenta or elements, and for fields on whose nodes more acts.
+        """
+        name = f"{type(self).__name__}.balance"
+        if not self._alone:
+            raise InvalidInput(f"{name}: more than the cells acts on nodes; give a field without")
+        if not {"mu", "g"} <= {*run.states} or run.bodies is not None:
+            raise InvalidInput(f"{name}: needs mu and g of one run; got {[*run.states]}")
+        held, pinned = self.held()
+        mu, g, free = run.mu, run.g, np.setdiff1d(np.arange(self.nodes), [*held, *pinned])
+        xi = self._velocities(mu)
+        kinetic = (mu * xi).sum(axis=-1) - self.parts * np.asarray(self.density.kinetic.value(xi))
+        energy = kinetic + 0.5 * self._of_ends(self.stored_energies(g)[..., None], 1.0)[..., 0]
+        momentum = np.asarray(self.target.K(g, mu))
+        series = {}
+        for what, contents, flow in (
+            ("momentum", momentum, self.currents(g)),
+            ("energy", energy[..., None], self.energy_currents(mu, g)[..., None]),
+        ):
+            out = self._of_ends(flow, -1.0)
+            lost = np.cumsum(0.5 * np.diff(run.t)[:, None, None] * (out[1:] + out[:-1]), axis=0)
+            series[f"{what} of nodes"] = (contents + np.concatenate([0.0 * out[:1], lost]))[:, free]
+        return Drift.recorded(series, run.t)
+
+    def _of_ends(self, of_cells: np.ndarray, sign: float) -> np.ndarray:
+        """Of each node what the cell after it has, and `sign` times what the cell before it has."""
+        after = of_cells if self.closed else np.concatenate([of_cells, 0.0 * of_cells[:, :1]], axis=1)
+        return after + sign * np.roll(after, 1, axis=1)
+
+    def total_momentum(self, mu: Any, g: Any) -> np.ndarray:
+        """The momentum of the whole field in space, sum_j K_g_j mu_j, (..., dim)."""
+        momentum: np.ndarray = np.asarray(self.target.K(np.asarray(g), np.asarray(mu))).sum(axis=-2)
+        return momentum
+
+    def momenta_of_sites(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """The total momentum of a field that nothing holds and pulls at.  states : mu, (..., nodes,
+        dim), and g.
+        """
+        if any(self.held()) or not self._alone:
+            return {}
+        return {"momentum": self.total_momentum(states["mu"], states["g"])}
+
+    @property
+    def _alone(self) -> bool:
+        """Whether nothing but the cells acts on the nodes."""
+        return len(self.potential.parts) == 1 and self.load is None
+
+    @property
+    def largest_step(self) -> float:
+        """The longest stable step of KickDrift() near rest, the time in which the fastest wave crosses a cell."""
+        speeds = self.density.speeds(self.target.dim)
+        return (
+            float(self.length / self.cells / np.nanmax(speeds, initial=0.0))
+            if np.nanmax(speeds, initial=0.0)
+            else np.inf
+        )
