@@ -20,6 +20,7 @@ from .path import path
 from .phase import phase_portrait
 from .poincare import poincare_section, section
 from .polhode import herpolhode, herpolhode_points, polhode
+from .space_time import space_time
 from .spheres.cloud import cloud
 from .spheres.energy_curves import energy_levels, principal_moments, separatrix
 from .spheres.projection import VIEW, split_at_horizon, view_frame

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import field
 from functools import cached_property
 from typing import Any, ClassVar, final
@@ -40,6 +41,8 @@ class MechanicalSystem(CotangentMotion):
     """
 
     alternatives: ClassVar[str] = "RKMK accepts every system, KickDrift and LieVerlet bodies in a field"
+    # the longest stable one of KickDrift() near rest, where the system knows it
+    largest_step: ClassVar[float] = math.inf
 
     body: LiePoissonSystem | DrivenLiePoissonSystem
     potential: Potential

@@ -1,0 +1,397 @@
+"""Fields on a group in cells: closed forms, orders in time and in space, currents, and what is refused."""
+
+import numpy as np
+import pytest
+
+import liemech as lm
+from liemech.checks.forms_of_sites import FormsOfSites
+from liemech.checks.method_claims import MethodTrial
+from liemech.errors import InvalidInput, InvalidType
+from liemech.rooms.fields.in_cells import FieldInCells
+
+CAYLEY = lm.Cayley()
+LIE = lm.LieVerlet(CAYLEY)
+CHIRAL = lm.FieldDensity(lm.KineticEnergy([1.0] * 3), lm.KineticEnergy([1.0] * 3))
+INERTIA, STIFFNESS = [0.02, 0.03, 0.05, 1.0, 1.0, 1.0], [0.6, 0.5, 0.4, 8.0, 8.0, 20.0]
+STRAIGHT = [0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
+BEAM = lm.FieldDensity(lm.KineticEnergy(INERTIA), lm.StrainEnergy(STIFFNESS, STRAIGHT))
+ONE = lm.KineticEnergy([1.0])
+STRING = lm.FieldDensity(ONE, ONE)
+LINE = lm.VectorSpace(1)
+
+
+@lm.record
+class Weight(lm.Potential):
+    """1 - cos u: with it a string is the sine-Gordon field."""
+
+    def energy(self, u):
+        return 1.0 - lm.formulas.cos(u[0])
+
+
+@lm.record
+class Push(lm.Force):
+    """A constant force."""
+
+    size: float
+
+    def covector(self, t, xi, g):
+        return lm.vec(self.size)
+
+
+def string(cells, length=1.0, **options):
+    return lm.Field(LINE, STRING, length, cells, **options)
+
+
+def turning(cells, in_space=False):
+    """A chiral field that is closed to a ring, and a start; of a column that is periodic in time."""
+    field = lm.Field(lm.SO3(), CHIRAL, 2.0 * np.pi, cells, closed=True, retraction=CAYLEY)
+    field = field.in_space(2.0 * np.pi, cells, closed=True) if in_space else field
+    s = field.arc
+    x = 0.6 * np.stack([np.sin(s), 0.7 * np.cos(s), 0.5 * np.sin(2.0 * s + 0.3)], axis=-1)
+    mu = 0.5 * np.stack([np.cos(s), np.sin(s) + 0.2, np.cos(2.0 * s)], axis=-1)
+    return field, field.state(mu=field.parts[:, None] * mu, g=np.asarray(CAYLEY.tau(lm.SO3(), x)))
+
+
+def flying(cells):
+    """A free beam that turns and flies, with a bump of velocity that is flat at its ends."""
+    beam = lm.Field(lm.SE3(), BEAM, 1.0, cells, retraction=CAYLEY)
+    g, s = beam.shape(), beam.arc
+    twist = np.tile([0.3, 0.2, 0.4, 0.1, -0.2, 0.3], (cells + 1, 1))
+    rigid = np.asarray(lm.SE3().Ad(np.asarray(lm.SE3().inverse(g)), twist))
+    bump = (4.0 * s * (1.0 - s))[:, None] ** 4 * [0.8, 0.5, 1.0, 0.3, 0.4, 0.1]
+    return beam, beam.state(xi=rigid + bump, g=g)
+
+
+# ---------------------------------------------------------------- numbers of an independent program
+
+
+@pytest.mark.slow
+def test_a_chiral_field_has_the_numbers_of_an_independent_program():
+    field, start = turning(16)
+    run = lm.integrate(field, LIE, start, h=0.2, steps=5, compiled=False)
+    total = field.total_momentum(run.mu, run.g)
+    np.testing.assert_allclose(total[-1], [-5.465888765002750e-04, 0.5633797213243470, 0.4152384580600816], atol=2e-15)
+    assert np.abs(total - total[0]).max() < 1e-14
+    first = [
+        [0.934475747396551, -0.083685386041569, 0.346051778915716],
+        [0.221680325582876, 0.897342565646717, -0.381620430700504],
+        [-0.278590938074317, 0.433327908219216, 0.857096268327678],
+    ]
+    np.testing.assert_allclose(run.g[-1, 0], first, atol=1e-14)
+    third = [-0.231691560828586, 0.200898933862169, -0.235635048713575]
+    np.testing.assert_allclose(run.mu[-1, 3] / field.parts[3], third, atol=1e-14)
+    body = run.mu.sum(axis=1)  # kept too, where the density does not feel turns of the body
+    assert np.abs(body - body[0]).max() < 1e-14
+
+
+@pytest.mark.slow
+@pytest.mark.compiled
+def test_a_free_beam_has_the_numbers_of_an_independent_program():
+    beam, start = flying(8)
+    run = lm.integrate(beam, LIE, start, h=0.5 / 96.0, steps=96)
+    tip = [0.244687893343045, -0.161812457196284, 1.158095480142800]
+    np.testing.assert_allclose(run.g[-1, -1, :3, 3], tip, atol=1e-13)
+    mu = [
+        0.003178917244504,
+        0.012606148689605,
+        0.052444900170110,
+        0.312841395185943,
+        -0.389715046805614,
+        0.385183038561715,
+    ]
+    np.testing.assert_allclose(run.mu[-1, -1] / beam.parts[-1], mu, atol=1e-13)
+    total = [
+        0.132007385253906,
+        0.190240150451660,
+        0.040318984985352,
+        0.321913909912109,
+        -0.187448120117187,
+        0.340637969970703,
+    ]
+    np.testing.assert_allclose(beam.total_momentum(run.mu, run.g)[-1], total, atol=1e-14)
+    assert run.drift()["momentum"].verdict == "exact"
+
+
+# ---------------------------------------------------------------- closed forms
+
+
+def test_standing_waves_have_the_frequency_of_the_cells_and_the_step():
+    """u = cos(k s) cos(w t) with sin(w h/2) = (h/D) sin(k D/2), to rounding."""
+    ring, h, k = string(12, 2.0 * np.pi, closed=True), 0.4, 2.0
+    D = ring.parts[0]
+    w = 2.0 / h * np.arcsin(h / D * np.sin(0.5 * k * D))
+    run = lm.integrate(ring, lm.KickDrift(), ring.at_rest(np.cos(k * ring.arc)[:, None]), h=h, steps=20, compiled=False)
+    np.testing.assert_allclose(run.g[..., 0], np.cos(w * run.t)[:, None] * np.cos(k * ring.arc), atol=1e-14)
+
+
+def test_travelling_waves_of_a_chiral_field_are_exact_where_a_wave_crosses_a_cell_in_a_step():
+    """g_j+1,k+1 = g_jk for any shape of the wave: h = D/c."""
+    field = lm.Field(lm.SO3(), CHIRAL, 3.0, 6, closed=True)
+    group, wave = lm.SO3(), lm.SO3().random(np.random.default_rng(2), 6)
+    wave = np.asarray(group.exp(0.3 * np.asarray(group.log(wave))))
+    before, after = np.roll(wave, 1, axis=0), np.roll(wave, -1, axis=0)
+    h = field.largest_step
+    x, y = (
+        np.asarray(group.log(np.asarray(group.compose(group.inverse(a), b))))
+        for a, b in ((wave, before), (after, wave))
+    )
+    mu = field.parts[:, None] / h * 0.5 * (x + y)  # of the steps after and before, both as large as cells
+    run = lm.integrate(field, lm.KickDrift(), field.state(mu=mu, g=wave), h=h, steps=6, compiled=False)
+    for k in range(7):
+        np.testing.assert_allclose(run.g[k], np.roll(wave, k, axis=0), atol=1e-13)
+
+
+@pytest.mark.slow
+@pytest.mark.compiled
+def test_a_kink_of_the_sine_gordon_field_moves_as_in_closed_form():
+    """u = 4 arctan exp(gamma (s - v t))."""
+    v, errors = 0.5, []
+    gamma = 1.0 / np.sqrt(1.0 - v * v)
+    for cells in (100, 200, 400):
+        line = string(cells, 40.0, acting=(Weight(),))
+        s = line.arc - 15.0
+        start = line.state(
+            xi=(-2.0 * v * gamma / np.cosh(gamma * s))[:, None], g=4.0 * np.arctan(np.exp(gamma * s))[:, None]
+        )
+        steps = round(10.0 / (0.5 * line.largest_step))
+        run = lm.integrate(line, lm.KickDrift(), start, h=10.0 / steps, steps=steps, every=steps)
+        errors.append(np.abs(run.g[-1, :, 0] - 4.0 * np.arctan(np.exp(gamma * (s - 10.0 * v)))).max())
+    np.testing.assert_allclose(np.diff(np.log2(errors)), -2.0, atol=0.1)
+
+
+def test_a_loaded_end_pulls_the_line_along_and_a_held_one_holds_it():
+    pulled = string(4, ends=("free", Push(0.5)))
+    run = lm.integrate(pulled, lm.KickDrift(), pulled.at_rest(), h=0.1, steps=8, compiled=False)
+    np.testing.assert_allclose(run.mu.sum(axis=1)[:, 0], 0.5 * run.t, atol=1e-14)
+    held = string(4, ends=("held", Push(0.5)))
+    still = held.at_rest(held.shape([0.5]))  # C u = F
+    run = lm.integrate(held, lm.KickDrift(), still, h=0.1, steps=8, compiled=False)
+    np.testing.assert_allclose(run.g[-1], still.g, atol=1e-15)
+    hung = string(4, ends=(Weight(), "free"))
+    assert hung.energy(np.zeros((5, 1)), np.full((5, 1), 0.3)) == pytest.approx(1.0 - np.cos(0.3))
+    assert np.asarray(hung.force(np.full((5, 1), 0.3))).ravel()[0] == pytest.approx(-np.sin(0.3))
+
+
+# ---------------------------------------------------------------- orders, in time and in space
+
+
+@pytest.mark.slow
+@pytest.mark.compiled
+@pytest.mark.parametrize("in_space", [False, True], ids=["time", "space"])
+def test_orders_of_cells_and_steps_together(in_space):
+    ends = []
+    for cells in (16, 32, 64, 256):
+        field, start = turning(cells, in_space)
+        steps = max(1, round(1.0 / (np.pi / cells)))
+        run = lm.integrate(field, LIE, start, h=1.0 / steps, steps=steps, every=steps)
+        ends.append(run.g[-1][:: cells // 16])
+        total = field.total_momentum(run.mu, run.g)
+        assert np.abs(total - total[0]).max() < 1e-13
+    errors = [np.abs(end - ends[-1]).max() for end in ends[:-1]]
+    np.testing.assert_allclose(np.diff(np.log2(errors)), -2.0, atol=0.15)
+
+
+@pytest.mark.slow
+@pytest.mark.compiled
+def test_a_free_beam_is_of_order_two():
+    ends = []
+    for cells in (16, 32, 64, 256):
+        beam, start = flying(cells)
+        ends.append(
+            lm.integrate(beam, LIE, start, h=1.0 / 24.0 / cells, steps=12 * cells, every=12 * cells).g[
+                -1, :: cells // 16
+            ]
+        )
+    errors = [np.abs(end - ends[-1]).max() for end in ends[:-1]]
+    np.testing.assert_allclose(np.diff(np.log2(errors)), -2.1, atol=0.2)
+
+
+@pytest.mark.slow
+def test_marching_in_space_finds_the_field_that_marched_in_time():
+    """Inside the domain of dependence, which loses one node at each end a column."""
+    M = np.array(INERTIA)
+    density = lm.FieldDensity(lm.KineticEnergy(M), lm.StrainEnergy(4.0 * M, STRAIGHT))
+    beam = lm.Field(lm.SE3(), density, 1.0, 8, retraction=CAYLEY)
+    bump = (4.0 * beam.arc * (1.0 - beam.arc))[:, None] ** 4
+    start = beam.state(xi=bump * [0.8, 0.5, 1.0, 0.3, 0.4, 0.1], g=beam.shape())
+    run = lm.integrate(beam, LIE, start, h=0.05, steps=24, compiled=False)
+    column = beam.in_space(1.2, 24)
+    assert column.largest_step == pytest.approx(2.0 * 0.05) and beam.largest_step == pytest.approx(0.125 / 2.0)
+    along = lm.integrate(column, LIE, column.at_rest(run.g[:, 0]), h=0.1 * 1.25, steps=4, compiled=False)
+    for j in range(1, 5):
+        assert np.abs(along.g[j, j : 25 - j] - run.g[j : 25 - j, j]).max() < 1e-12
+    assert np.abs(run.g[-1] - run.g[0]).max() > 0.1
+
+
+# ---------------------------------------------------------------- currents and the multisymplectic law
+
+
+def test_momentum_and_energy_flow_with_a_wave():
+    """u = f(s - t): the currents are the densities of momentum, u_t = -f', and energy, f'^2, times the speed one."""
+    ring = string(400, 2.0 * np.pi, closed=True)
+    middle = ring.arc + 0.5 * ring.parts[0]
+    xi, g = -np.cos(ring.arc)[:, None], np.sin(ring.arc)[:, None]
+    np.testing.assert_allclose(ring.currents(g)[:, 0], -np.cos(middle), atol=1e-4)
+    flow = ring.energy_currents(ring.parts[:, None] * xi, g)
+    np.testing.assert_allclose(flow, np.cos(middle) ** 2, atol=1e-4)
+
+
+@pytest.mark.slow
+def test_nodes_change_by_what_flows_through_cells():
+    """Momentum to rounding, energy to second order; a held node is no part of it."""
+    energies = []
+    for steps in (30, 60):
+        beam = lm.Field(lm.SE3(), BEAM, 1.0, 4, ends=("held", "free"))
+        g = beam.shape([0.3, 0.5, 0.2, 0.02, 0.0, 1.02])
+        run = lm.integrate(beam, lm.KickDrift(), beam.at_rest(g), h=0.6 / steps, steps=steps, compiled=False)
+        balance = beam.balance(run)
+        assert balance["momentum of nodes"].verdict == "exact"
+        energies.append(balance["energy of nodes"].largest)
+    assert energies[0] / energies[1] == pytest.approx(4.0, rel=0.2)
+    total = beam.total_momentum(run.mu, run.g)[-1]  # what the wall has given
+    np.testing.assert_allclose(total, np.trapezoid(beam.currents(run.g)[:, 0], run.t, axis=0), atol=1e-14)
+    assert np.abs(total).max() > 0.01
+
+
+@lm.record
+class UnevenKicks(lm.KickDrift):
+    """Symplectic, with kicks that are not halves: no discrete field equation at the nodes."""
+
+    def step(self, system, t, memory, h):
+        state = type(memory.state)(memory.state.mu - 0.1 * h * memory.node, memory.state.g)
+        after = super().step(system, t, type(memory)(state, memory.node, memory.past), h)
+        state = type(after.state)(after.state.mu + 0.1 * h * after.node, after.state.g)
+        return type(after)(state, after.node, after.past)
+
+
+@pytest.mark.slow
+def test_the_two_form_of_every_node_changes_by_what_flows_to_it():
+    field = lm.Field(
+        lm.SO3(), lm.FieldDensity(lm.KineticEnergy([1.0, 1.5, 2.0]), lm.KineticEnergy([1.0, 2.0, 0.8])), 1.0, 2
+    )
+    rng = np.random.default_rng(4)
+    start = field._written_out(field.state(xi=rng.normal(size=(3, 3)), g=field.shape(0.5 * rng.normal(size=(2, 3)))))
+    defects = []
+    for method in (lm.KickDrift(), UnevenKicks()):
+        trial = MethodTrial(method, field, start, 0.1, False)
+        trial.__dict__["journey"] = (0.1, None, None)
+        defects.append(FormsOfSites(field, start, True).defect(trial, 0.01))
+    assert defects[0] < 1e-12 and defects[1] > 1e-4
+
+
+# ---------------------------------------------------------------- steps
+
+
+@pytest.mark.slow
+def test_steps_are_stable_up_to_the_largest_and_a_warning_says_so_before():
+    field = lm.Field(lm.SO3(), CHIRAL, 1.0, 8, closed=True)
+    start = field.state(mu=1e-6 * np.random.default_rng(1).normal(size=(8, 3)), g=field.shape())
+    stable = lm.integrate(field, lm.KickDrift(), start, h=0.99 / 8.0, steps=30, compiled=False)
+    with pytest.warns(lm.errors.LiemechWarning, match=r"h = 0.1375 is longer than 0.125, in which the fastest wave"):
+        unstable = lm.integrate(field, lm.KickDrift(), start, h=1.1 / 8.0, steps=30, compiled=False)
+    growth = [np.abs(run.mu[-1]).max() / np.abs(start.mu).max() for run in (stable, unstable)]
+    assert growth[0] < 10.0 and growth[1] > 1e4
+
+
+def test_speeds_are_those_of_bending_shear_and_stretch():
+    np.testing.assert_allclose(BEAM.speeds(6)[[0, -1]], [np.sqrt(8.0), np.sqrt(30.0)])
+    np.testing.assert_allclose(BEAM.exchanged.speeds(6), 1.0 / BEAM.speeds(6)[::-1])
+    free = lm.FieldDensity(ONE, lm.StrainEnergy([-1.0], [0.0]))
+    assert lm.Field(LINE, free, 1.0, 3).largest_step == np.inf
+
+
+# ---------------------------------------------------------------- densities of one's own
+
+
+@lm.record
+class Stiffening(lm.Lagrangian):
+    """Phi = eta^2/2 + eta^4/4."""
+
+    def value(self, eta):
+        return 0.5 * eta[0] ** 2 + 0.25 * eta[0] ** 4
+
+
+@lm.record
+class Relativistic(lm.KineticEnergy):
+    """T* = sqrt(1 + mu^2) - 1, T = 1 - sqrt(1 - xi^2)."""
+
+    def energy(self, mu):
+        return lm.formulas.sqrt(1.0 + lm.dot(mu, mu)) - 1.0
+
+    def gradient(self, mu):
+        return (1.0 / lm.formulas.sqrt(1.0 + lm.dot(mu, mu))) * mu
+
+    def value(self, xi):
+        return 1.0 - lm.formulas.sqrt(1.0 - lm.dot(xi, xi))
+
+    def momentum(self, xi):
+        return (1.0 / lm.formulas.sqrt(1.0 - lm.dot(xi, xi))) * xi
+
+
+@pytest.mark.slow
+def test_energies_of_ones_own():
+    density = lm.FieldDensity(Relativistic([1.0]), Stiffening())
+    line = lm.Field(LINE, density, 1.0, 3)
+    eta, xi = lm.vec(0.6), lm.vec(0.4)
+    assert density.value(eta, xi) == pytest.approx(1.0 - np.sqrt(1.0 - 0.16) - 0.18 - 0.25 * 0.6**4)
+    g = line.shape([[0.6], [-0.2], [0.3]])
+    start = line.state(xi=np.array([[0.4], [0.1], [-0.3], [0.2]]), g=g)
+    np.testing.assert_allclose(
+        start.mu, line.parts[:, None] * np.array([[x / np.sqrt(1.0 - x * x)] for x in (0.4, 0.1, -0.3, 0.2)])
+    )
+    np.testing.assert_allclose(line.stresses(g)[:, 0], [u + u**3 for u in (0.6, -0.2, 0.3)])
+    lm.check_system(line, start)
+    run = lm.integrate(line, lm.LieVerlet(), start, h=0.01, steps=50, compiled=False)
+    assert line.balance(run)["momentum of nodes"].verdict == "exact"
+    assert np.ptp(run.energy) < 1e-3
+
+
+# ---------------------------------------------------------------- rods are fields
+
+
+def test_a_rod_is_a_field():
+    section = lm.models.RodSection(STIFFNESS, INERTIA)
+    rod = lm.models.CosseratRod(section, 1.0, 3, ends=("clamped", "free"))
+    field = lm.Field(lm.SE3(), BEAM, 1.0, 3, ends=("held", "free"))
+    assert isinstance(rod, FieldInCells) and rod.largest_step == field.largest_step
+    g = field.shape([0.3, 0.5, 0.2, 0.02, 0.0, 1.02])
+    np.testing.assert_allclose(rod.force(g), field.force(g), atol=1e-14)
+    np.testing.assert_allclose(rod.currents(g), field.currents(g), atol=1e-14)
+    mu = np.random.default_rng(3).normal(size=(4, 6))
+    assert rod.energy(mu, g) == pytest.approx(field.energy(mu, g), rel=1e-14)
+    np.testing.assert_allclose(rod.energy_currents(mu, g), field.energy_currents(mu, g), atol=1e-13)
+
+
+# ---------------------------------------------------------------- what is refused
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: string(0), "cells must be a whole number from 1 on; got 0"),
+        (lambda: string(2, closed=True), "from 3 on; got 2"),
+        (lambda: string(3, -1.0), "length must be positive and finite; got -1.0"),
+        (lambda: string(3, ends="held"), "ends are two"),
+        (lambda: string(3, ends=("held", "loose")), 'an end is "free", "held", a Potential or a Force'),
+        (lambda: string(3, acting=(Push(1.0),)).in_space(1.0, 4), "marches in time only"),
+        (lambda: string(3).shape([1.0, 2.0]), r"u is \(1,\) or \(3, 1\)"),
+        (lambda: string(3, acting=(Weight(),)).balance(None), "more than the cells acts on nodes"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_said(make, says):
+    with pytest.raises(InvalidInput, match=says):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: lm.Field(3.0, STRING, 1.0, 4), "target must be"),
+        (lambda: lm.Field(LINE, ONE, 1.0, 4), "density must be"),
+        (lambda: lm.FieldDensity(1.0, ONE), "kinetic must be"),
+        (lambda: string(3, acting=(1.0,)), "acting must be"),
+    ],
+)  # fmt: skip
+def test_what_is_no_field_is_said(make, says):
+    with pytest.raises(InvalidType, match=says):
+        make()
