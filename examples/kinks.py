@@ -35,7 +35,9 @@ run = lm.integrate(line, lm.KickDrift(), start, h=h, steps=steps, every=4, t0=t0
 there, back = (np.interp(np.pi, run.g[i, :, 0], s) for i in (0, -1))  # of the kink at u = pi
 print(f"the longest stable step is {line.largest_step:.3g}; steps are {h:.3g}")
 print(f"the field is {np.abs(run.g[-1, :, 0] - exact(run.t[-1])).max():.1e} from the closed form")
-print(f"each kink is {there + back - 60.0 * v:.2f} ahead, {2.0 * np.log(1.0 / v) / gamma:.2f} in closed form")
+print(
+    f"each kink is {there + back - 60.0 * v:.2f} ahead, {2.0 * np.log(1.0 / v) / gamma:.2f} in closed form"
+)
 print(run.drift())
 
 slopes = line.strains(run.g)[..., 0]

@@ -70,6 +70,7 @@ MODELS: tuple[Any, ...] = (
     lm.models.Spacecraft([900.0, 800.0, 600.0], 500.0, [lm.models.PointGravity(7.5)]),
     lm.joints.chain(2),
     lm.models.CosseratRod(lm.models.RodSection.round(0.01, 1e6, 1e3), 1.0, 4),
+    lm.Field(lm.SO3(), lm.FieldDensity(lm.KineticEnergy([1.0, 1.5, 2.2]), lm.KineticEnergy([1.0, 2.0, 0.7])), 1.0, 3),
     lm.Kepler(),
     lm.models.HenonHeiles(),
     lm.models.NBody([1.0, 0.7, 0.4]),

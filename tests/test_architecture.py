@@ -45,11 +45,12 @@ ROOMS: dict[str, tuple[str, ...]] = {
     "rooms.fictive_time": ("rooms.constraints",),
     "rooms.at_work": ("rooms.fictive_time",),
     "rooms.sites": ("rooms.hamilton_jacobi", "rooms.noise", "rooms.poisson"),
+    "rooms.fields": ("rooms.sites",),
     "rooms.derivatives": ("rooms.fictive_time", "rooms.hamilton_jacobi", "rooms.sites"),
     "joints": ("rooms.constraints", "rooms.sites"),
     "rooms.stability": (),
     "rooms.files": ("joints", "rooms.fictive_time", "rooms.poisson", "rooms.sites"),
-    "models": ("joints", "rooms.constraints", "rooms.noise", "rooms.poisson", "rooms.sites"),
+    "models": ("joints", "rooms.constraints", "rooms.fields", "rooms.noise", "rooms.poisson", "rooms.sites"),
     "estimation": ("rooms.constraints", "rooms.derivatives"),
     "checks": ("rooms.constraints", "rooms.fictive_time", "rooms.noise", "rooms.poisson", "rooms.sites"),
     "plots": ("joints", "models", "rooms.at_work", "rooms.constraints"),
@@ -77,7 +78,7 @@ HOMES = {"llvmlite": "compiler", "numba": None, "matplotlib": "plots", "meshcat"
 
 SOURCED = (
     *("groups", "integrators", "joints", "models", "estimation"),
-    *("rooms.constraints", "rooms.hamilton_jacobi", "rooms.noise", "rooms.poisson", "rooms.stability"),
+    *("rooms.constraints", "rooms.fields", "rooms.hamilton_jacobi", "rooms.noise", "rooms.poisson", "rooms.stability"),
 )
 """The parts made of other people's mathematics: a public docstring says where the formula stands in print."""
 

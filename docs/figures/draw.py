@@ -66,6 +66,7 @@ SECTIONS = {
         "chaos_in_a_galaxy",
         "energy_exchange",
         "magnons",
+        "kinks",
         "couplings",
     ),
     "Constraints, joints, rolling": ("index_reduction", "chain", "linkage", "arm", "net"),

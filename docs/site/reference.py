@@ -27,6 +27,7 @@ PARTS = {
     "constraints": ("Constraints", "Systems that stay on g(q) = 0, and their methods."),
     "joints": ("Mechanisms", "Linkages, joints, and what acts on them."),
     "sites": ("Many sites", "Spins, bodies, points: terms over graphs."),
+    "fields": ("Fields", "Fields g(s, t) on a group, in cells along a line."),
     "poisson": ("Poisson systems", "Structures that are no Lie algebra's, charts, methods."),
     "hamilton_jacobi": ("Hamilton-Jacobi methods", "Steps from generating functions."),
     "fictive_time": ("Time transformations", "Time scales, and steps in a fictive time."),

@@ -59,6 +59,7 @@ __all__ = [
     "save",
     "section",
     "separatrix",
+    "space_time",
     "spins",
     "split_at_horizon",
     "subplots",

@@ -2,6 +2,7 @@
 
     constraints/        bodies and points that stay on g(q) = 0: RATTLE, Lobatto's pairs, rolling
     sites/              many sites of one system: terms over graphs, and runs site by site
+    fields/             fields g(s, t) on a group, in cells along a line
     hamilton_jacobi/    generating functions, in R^2n and on the dual of a Lie algebra
     poisson/            Poisson structures that are no Lie algebra's, their charts and methods
     fictive_time/       time transformations, and runs whose steps are equal in a fictive time

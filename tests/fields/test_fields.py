@@ -217,7 +217,8 @@ def test_marching_in_space_finds_the_field_that_marched_in_time():
     run = lm.integrate(beam, LIE, start, h=0.05, steps=24, compiled=False)
     column = beam.in_space(1.2, 24)
     assert column.largest_step == pytest.approx(2.0 * 0.05) and beam.largest_step == pytest.approx(0.125 / 2.0)
-    along = lm.integrate(column, LIE, column.at_rest(run.g[:, 0]), h=0.1 * 1.25, steps=4, compiled=False)
+    with pytest.warns(lm.errors.StepWarning):  # noise at the ends of the column grows, and does not come in
+        along = lm.integrate(column, LIE, column.at_rest(run.g[:, 0]), h=0.125, steps=4, compiled=False)
     for j in range(1, 5):
         assert np.abs(along.g[j, j : 25 - j] - run.g[j : 25 - j, j]).max() < 1e-12
     assert np.abs(run.g[-1] - run.g[0]).max() > 0.1
@@ -287,7 +288,7 @@ def test_steps_are_stable_up_to_the_largest_and_a_warning_says_so_before():
     field = lm.Field(lm.SO3(), CHIRAL, 1.0, 8, closed=True)
     start = field.state(mu=1e-6 * np.random.default_rng(1).normal(size=(8, 3)), g=field.shape())
     stable = lm.integrate(field, lm.KickDrift(), start, h=0.99 / 8.0, steps=30, compiled=False)
-    with pytest.warns(lm.errors.LiemechWarning, match=r"h = 0.1375 is longer than 0.125, in which the fastest wave"):
+    with pytest.warns(lm.errors.StepWarning, match=r"h = 0.1375 is longer than 0.125, in which the fastest wave"):
         unstable = lm.integrate(field, lm.KickDrift(), start, h=1.1 / 8.0, steps=30, compiled=False)
     growth = [np.abs(run.mu[-1]).max() / np.abs(start.mu).max() for run in (stable, unstable)]
     assert growth[0] < 10.0 and growth[1] > 1e4

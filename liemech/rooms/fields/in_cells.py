@@ -195,26 +195,27 @@ class FieldInCells(MechanicalSystem):
         to rounding; the energy, T and half of that of the cells at a node, by an error of second order.
         Raises InvalidInput for a run without momenta or elements, and for fields on whose nodes more acts.
         """
-        name = f"{type(self).__name__}.balance"
+        where = f"{type(self).__name__}.balance"
         if not self._alone:
-            raise InvalidInput(f"{name}: more than the cells acts on nodes; give a field without")
+            raise InvalidInput(f"{where}: more than the cells acts on nodes; give a field without")
         if not {"mu", "g"} <= {*run.states} or run.bodies is not None:
-            raise InvalidInput(f"{name}: needs mu and g of one run; got {[*run.states]}")
+            raise InvalidInput(f"{where}: needs mu and g of one run; got {[*run.states]}")
         held, pinned = self.held()
         mu, g, free = run.mu, run.g, np.setdiff1d(np.arange(self.nodes), [*held, *pinned])
         xi = self._velocities(mu)
         kinetic = (mu * xi).sum(axis=-1) - self.parts * np.asarray(self.density.kinetic.value(xi))
         energy = kinetic + 0.5 * self._of_ends(self.stored_energies(g)[..., None], 1.0)[..., 0]
         momentum = np.asarray(self.target.K(g, mu))
-        series = {}
-        for what, contents, flow in (
-            ("momentum", momentum, self.currents(g)),
-            ("energy", energy[..., None], self.energy_currents(mu, g)[..., None]),
+        series, terms = {}, {}
+        for name, contents, flow in (
+            ("momentum of nodes", momentum, self.currents(g)),
+            ("energy of nodes", energy[..., None], self.energy_currents(mu, g)[..., None]),
         ):
             out = self._of_ends(flow, -1.0)
             lost = np.cumsum(0.5 * np.diff(run.t)[:, None, None] * (out[1:] + out[:-1]), axis=0)
-            series[f"{what} of nodes"] = (contents + np.concatenate([0.0 * out[:1], lost]))[:, free]
-        return Drift.recorded(series, run.t)
+            lost = np.concatenate([0.0 * out[:1], lost])
+            series[name], terms[name] = (contents + lost)[:, free], (np.abs(contents) + np.abs(lost))[:, free]
+        return Drift.recorded(series, run.t, terms=terms)
 
     def _of_ends(self, of_cells: np.ndarray, sign: float) -> np.ndarray:
         """Of each node what the cell after it has, and `sign` times what the cell before it has."""

@@ -121,13 +121,26 @@ class Drift:
         return cls(tuple(_kept(name, t, flat(values), flat(terms[name])) for name, values in series.items()))
 
     @classmethod
-    def recorded(cls, series: dict[str, np.ndarray], t: np.ndarray, bodies: int | None = None) -> Drift:
-        """Drift of quantities whose values were recorded, (n, ...), without the state."""
+    def recorded(
+        cls,
+        series: dict[str, np.ndarray],
+        t: np.ndarray,
+        bodies: int | None = None,
+        terms: dict[str, np.ndarray] | None = None,
+    ) -> Drift:
+        """Drift of quantities whose values were recorded, (n, ...), without the state.
+
+        terms : how large the terms are whose sums they are, (n, ...); left out, as large as the values.
+        """
         if len(t) < 2:
             raise InvalidInput("Trajectory.drift needs at least two samples")
         axes = 1 + (bodies is not None)
-        flat = {name: values.reshape(*values.shape[:axes], -1) for name, values in series.items()}
-        return cls(tuple(_kept(name, t, values, np.abs(values)[_some(len(t))]) for name, values in flat.items()))
+
+        def flat(values: np.ndarray) -> np.ndarray:
+            return values.reshape(*values.shape[:axes], -1)
+
+        sizes = {name: flat(np.abs(values)[_some(len(t))]) for name, values in (terms or series).items()}
+        return cls(tuple(_kept(name, t, flat(values), sizes[name]) for name, values in series.items()))
 
     def __getitem__(self, name: str) -> Kept:
         for constant in self.kept:
