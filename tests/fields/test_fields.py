@@ -371,6 +371,7 @@ def test_a_rod_is_a_field():
     [
         (lambda: string(0), "cells must be a whole number from 1 on; got 0"),
         (lambda: string(2, closed=True), "from 3 on; got 2"),
+        (lambda: lm.Field(lm.SO3(), STRING, 1.0, 4), "kinetic energy of its density takes vectors of 1 components"),
         (lambda: string(3, -1.0), "length must be positive and finite; got -1.0"),
         (lambda: string(3, ends="held"), "ends are two"),
         (lambda: string(3, ends=("held", "loose")), 'an end is "free", "held", a Potential or a Force'),

@@ -54,6 +54,13 @@ class Field(FieldInCells):
         require(f"{name}: target", self.target, LieGroup, "SO3()")
         require(f"{name}: density", self.density, FieldDensity, "FieldDensity(KineticEnergy(M), KineticEnergy(C))")
         require(f"{name}: retraction", self.retraction, Retraction, "Exponential()")
+        for what, energy in (("kinetic", self.density.kinetic), ("stored", self.density.stored)):
+            shape = energy._shape("xi", "Vec")
+            if shape not in (None, (self.target.dim,)):
+                raise InvalidInput(
+                    f"{name}: the {what} energy of its density takes vectors of {shape[0]} components; those of "
+                    f"{self.target!r} have {self.target.dim}"
+                )
         if not (isinstance(self.length, float) and 0.0 < self.length < np.inf):
             raise InvalidInput(f"{name}: length must be positive and finite; got {self.length!r}")
         least = 3 if self.closed else 1

@@ -33,12 +33,12 @@ class FieldInCells(MechanicalSystem):
     A subclass has `target`, `density`, `cell`, `length`, `cells`, `closed` and `retraction`, as fields or
     properties, and says what acts on nodes as `others` and which are held as `held`.
 
-    w_j is the cell length l, at the ends of a line that is not closed l/2.  Steps of KickDrift() solve the discrete
-    covariant Euler-Poincare equations
+    w_j is the length l of a cell, l/2 at the ends of a line that is not closed.  KickDrift() solves the discrete
+    covariant Euler-Poincare equations at every node j and time k,
 
-        w_j (mu-_jk - mu+_j,k-1)/h + l (lam-_jk - lam+_j-1,k)/l = w_j f_jk
+        w_j (mu-_jk - mu+_j,k-1)/h + lam-_jk - lam+_j-1,k = w_j f_jk
 
-    at every node j and time k, with mu and lam the momenta of time edges and cells at their starts (-) and ends (+).
+    with mu = dl/dxi of steps and lam = dl/deta of cells, carried to their starts (-) and ends (+).
 
     Source: Demoures, Gay-Balmaz, Kobilarov and Ratiu, Commun. Nonlinear Sci. Numer. Simul. 19 (2014), 3492;
     Marsden, Patrick and Shkoller, Commun. Math. Phys. 199 (1998), 351 (multisymplectic integrators).
@@ -198,8 +198,8 @@ class FieldInCells(MechanicalSystem):
         where = f"{type(self).__name__}.balance"
         if not self._alone:
             raise InvalidInput(f"{where}: more than the cells acts on nodes; give a field without")
-        if not {"mu", "g"} <= {*run.states} or run.bodies is not None:
-            raise InvalidInput(f"{where}: needs mu and g of one run; got {[*run.states]}")
+        if not {"mu", "g"} <= {*run.states} or run.bodies is not None or len(run.t) != run.steps + 1:
+            raise InvalidInput(f"{where}: needs mu and g of every step of one run, every=1; got {[*run.states]}")
         held, pinned = self.held()
         mu, g, free = run.mu, run.g, np.setdiff1d(np.arange(self.nodes), [*held, *pinned])
         xi = self._velocities(mu)
