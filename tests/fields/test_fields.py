@@ -254,6 +254,19 @@ def test_nodes_change_by_what_flows_through_cells():
     assert np.abs(total).max() > 0.01
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("group", [lm.SL(2), lm.SU(2), lm.SE2()], ids=repr)
+def test_currents_on_other_groups(group):
+    rng, three = np.random.default_rng(6), lm.KineticEnergy([1.0, 1.5, 0.8])
+    field = lm.Field(
+        group, lm.FieldDensity(three, lm.StrainEnergy([2.0, 1.0, 1.5], [0.1, 0.2, 0.3])), 1.0, 3, closed=True
+    )
+    start = field.state(xi=0.3 * rng.normal(size=(3, 3)), g=field.shape(0.5 * rng.normal(size=(3, 3))))
+    run = lm.integrate(field, lm.LieVerlet(), start, h=0.05, steps=4, compiled=False)
+    assert field.balance(run)["momentum of nodes"].verdict == "exact"
+    assert np.abs(field.currents(run.g)).max() > 0.1
+
+
 @lm.record
 class UnevenKicks(lm.KickDrift):
     """Symplectic, with kicks that are not halves: no discrete field equation at the nodes."""
@@ -373,7 +386,7 @@ def test_a_rod_is_a_field():
         (lambda: string(2, closed=True), "from 3 on; got 2"),
         (lambda: lm.Field(lm.SO3(), STRING, 1.0, 4), "kinetic energy of its density takes vectors of 1 components"),
         (lambda: string(3, -1.0), "length must be positive and finite; got -1.0"),
-        (lambda: string(3, ends="held"), "ends are two"),
+        (lambda: string(3, ends=("held",)), "ends are two"),
         (lambda: string(3, ends=("held", "loose")), 'an end is "free", "held", a Potential or a Force'),
         (lambda: string(3, acting=(Push(1.0),)).in_space(1.0, 4), "marches in time only"),
         (lambda: string(3).shape([1.0, 2.0]), r"u is \(1,\) or \(3, 1\)"),
@@ -391,7 +404,9 @@ def test_what_is_wrong_is_said(make, says):
         (lambda: lm.Field(3.0, STRING, 1.0, 4), "target must be"),
         (lambda: lm.Field(LINE, ONE, 1.0, 4), "density must be"),
         (lambda: lm.FieldDensity(1.0, ONE), "kinetic must be"),
-        (lambda: string(3, acting=(1.0,)), "acting must be"),
+        (lambda: string(3, acting=(1.0,)), "acting must be a Potential or a Force"),
+        (lambda: string(3, acting=Weight()), "acting must be a tuple"),
+        (lambda: string(3, ends="held"), "ends must be a tuple"),
     ],
 )  # fmt: skip
 def test_what_is_no_field_is_said(make, says):

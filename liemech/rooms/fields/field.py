@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import InvalidInput, require
-from ...formulas import Element, Vec, record
+from ...formulas import Element, Vec, real_array, record
 from ...formulas.classes.of_each import each
 from ...groups.lie_group import LieGroup
 from ...groups.retractions import Exponential, Retraction
@@ -61,12 +61,16 @@ class Field(FieldInCells):
                     f"{name}: the {what} energy of its density takes vectors of {shape[0]} components; those of "
                     f"{self.target!r} have {self.target.dim}"
                 )
-        if not (isinstance(self.length, float) and 0.0 < self.length < np.inf):
+        length = real_array(self.length, f"{name}: length")
+        if length.ndim or not 0.0 < length < np.inf:
             raise InvalidInput(f"{name}: length must be positive and finite; got {self.length!r}")
         least = 3 if self.closed else 1
         if type(self.cells) is not int or self.cells < least:
             raise InvalidInput(f"{name}: cells must be a whole number from {least} on; got {self.cells!r}")
-        if not isinstance(self.ends, tuple) or len(self.ends) != 2:
+        for what in ("ends", "acting"):
+            require(f"{name}: {what}", getattr(self, what), (tuple, list), "a tuple")
+            object.__setattr__(self, what, tuple(getattr(self, what)))
+        if len(self.ends) != 2:
             raise InvalidInput(f'{name}: ends are two, such as ("held", "free"); got {self.ends!r}')
         for end in self.ends:
             if end not in ("free", "held") and not isinstance(end, (Potential, Force)):

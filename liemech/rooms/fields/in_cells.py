@@ -156,7 +156,8 @@ class FieldInCells(MechanicalSystem):
 
     def _displacements(self, name: str, g: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The elements at both ends of the cells, and x = tau^-1(g_a^-1 g_b), (..., cells, dim)."""
-        first, axis = real_array(g, f"{type(self).__name__}.{name}: g"), -1 - len(self.target.element_shape)
+        axis = -1 - len(self.target.element_shape)
+        first = real_array(g, f"{type(self).__name__}.{name}: g", or_complex=np.iscomplexobj(g))
         second = np.roll(first, -1, axis=axis)
         if not self.closed:
             first, second = (np.delete(x, -1, axis=axis) for x in (first, second))
