@@ -11,17 +11,16 @@ from ..errors import InvalidInput
 from ..formulas import check_finite, real_array
 from .field import FIELD
 from .spins import MOST_ROWS
-from .style import GREY, Axes, needs_run, plane_axes, thinned, time_label
+from .style import Axes, needs_run, plane_axes, thinned, time_label
 
 
 def space_time(
     run: Any, values: ArrayLike, *, ax: Axes | None = None, title: str | None = None, label: str = ""
 ) -> Axes:
-    """Draw numbers of all nodes, sites or cells over the line and over time: blue where they are negative,
-    vermilion where positive.
+    """Draw numbers of all nodes, sites or cells over line and time: blue where negative, vermilion where positive.
 
     run : of a field, a rod, or other sites in a row.  values : (samples, nodes) or (samples, cells), such as
-    `run.g[:, :, 0]` or `run.system.strains(run.g)[..., 2]`.  label : what they are, for the scale.
+    `run.system.strains(run.g)[..., 2]`.  label : what they are, for the scale.
     Returns the axes.  Raises InvalidInput for values of another shape, or that are not finite.
     """
     needs_run(run, "plots.space_time")
@@ -32,19 +31,11 @@ def space_time(
     from matplotlib.colors import LinearSegmentedColormap
 
     arc, count = getattr(run.system, "arc", None), numbers.shape[1]
-    if arc is None:
-        places, along = np.arange(count, dtype=float), "site"
-    else:
-        places, along = arc[:count] + (0.5 * arc[1] if count < run.system.nodes else 0.0), "$s$"
+    places = np.arange(count) if arc is None else arc[:count] + 0.5 * arc[1] * (count < run.system.nodes)
     shown, most = thinned(len(numbers), MOST_ROWS), float(np.abs(numbers).max())
-    ax = plane_axes(ax, title, along, time_label(run), (5.2, 3.6))
+    ax = plane_axes(ax, title, "site" if arc is None else "$s$", time_label(run), (5.2, 3.6))
     ax.grid(False)
-    scale = LinearSegmentedColormap.from_list("field", FIELD)
-    colors = ax.pcolormesh(
-        places, run.t[shown], numbers[shown], cmap=scale, vmin=-most, vmax=most, shading="nearest", rasterized=True
-    )
-    bar: Any = ax.figure.colorbar(colors, ax=ax, shrink=0.7)
-    bar.ax.tick_params(labelsize=8.5, color=GREY, labelcolor=GREY)
-    bar.set_label(label, fontsize=9, color=GREY)
-    bar.outline.set_visible(False)
+    scale: Any = {"cmap": LinearSegmentedColormap.from_list("field", FIELD), "vmin": -most, "vmax": most}
+    colors = ax.pcolormesh(places, run.t[shown], numbers[shown], shading="nearest", rasterized=True, **scale)
+    ax.figure.colorbar(colors, ax=ax, shrink=0.7, label=label)
     return ax

@@ -61,14 +61,12 @@ class FieldSplitting(Remembering):
             )
 
     def step_warning(self, system: Any, start: BodyState, h: float) -> str | None:
-        """Whether steps of order 2 are longer than the system bears; above it, whether a load takes the order away: one
-        that depends on the velocity.
-        """
+        """Whether steps of order 2 are too long; above it, whether a load that depends on the velocity takes it away."""
         order = self.tableau.order
         if self.tableau == STRANG and abs(h) > system.largest_step:
             return (
-                f"{self!r}: h = {h:g} is longer than {system.largest_step:.3g}, in which the fastest wave crosses a cell, "
-                "and waves that the cells do not resolve will grow. Take shorter steps, or fewer cells"
+                f"{self!r}: h = {h:g} is longer than {system.largest_step:.3g}, in which the fastest wave crosses a cell: "
+                "short waves will grow. Take shorter steps, or fewer cells"
             )
         if order <= 2 or system.load is None or not _feels_velocity(system, start):
             return None

@@ -234,11 +234,6 @@ class CosseratRod(FieldInCells):
         """The energy of an element."""
         return RodStrain(self.length / self.elements, self.section.stiffness, self.rest, self.retraction)
 
-    @property
-    def cell(self) -> RodStrain:
-        """The energy of an element."""
-        return self.element
-
     def held(self) -> tuple[list[int], list[int]]:
         """The frames that are clamped, and those that are hinged."""
         ends = [*zip((0, self.elements), () if self.closed else self.ends)]
@@ -280,12 +275,6 @@ class CosseratRod(FieldInCells):
         for k, end in zip((0, -1), () if self.closed else self.ends):
             free[k, {"clamped": 0, "hinged": 3, "free": 6}[end] :] = False
         return free.ravel()
-
-    @property
-    def rest_strain(self) -> np.ndarray:
-        """u_0 of the elements, (6,) or (N, 6)."""
-        strain: Any = self.element.rest
-        return strain.values if isinstance(strain, Each) else np.array(strain)
 
     # ---------------------------------------------------------------- shapes
 
@@ -357,15 +346,7 @@ class CosseratRod(FieldInCells):
         """Moment and force in the elements, K (u - u_0), (..., N, 6), in N m and N, in their own
         axes.  g : (..., frames, 4, 4).
         """
-        return np.array(self.section.stiffness) * (self.strains(g) - self.rest_strain)
-
-    stresses = wrenches
-
-    @closed_form_of("element")
-    def stored_energies(self, g: Any) -> np.ndarray:
-        """(l/2) e . K e of the elements, (..., N), in J.  g : (..., frames, 4, 4)."""
-        e = self.strains(g) - self.rest_strain
-        return (0.5 * self.length / self.elements) * (e * self.wrenches(g)).sum(axis=-1)
+        return self.stresses(g)
 
     def stiffness(self, g: Any) -> Any:
         """How the forces on all frames fall as these move, -df/dzeta with g exp(zeta): a sparse

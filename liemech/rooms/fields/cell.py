@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ...errors import undefined
 from ...formulas import Vec, record
 from ...groups.lie_group import LieGroup
 from ...groups.retractions import Exponential, Retraction
@@ -16,54 +15,41 @@ from ..sites.terms.terms import Term
 class CellTerm(Term):
     """The energy of a cell of length l between two nodes, W = l Phi(x/l), x = tau^-1(g_a^-1 g_b); abstract.
 
-    A subclass has the group as `on`, `length` and `retraction`, as fields or properties, and writes Phi
-    as `stored` and its derivative as `stress`.
+    A subclass has the group as `on`, `stored_energy`, `length` and `retraction`, as fields or properties, or
+    writes `stored` and `stress` itself.  The forces on the ends are m = dPhi/deta carried to each,
+    (dtau^-1_x)* m.
 
-    The forces on the ends are m = dPhi/deta carried to each, (dtau^-1_x)* m.
-
-    Source: Demoures, Gay-Balmaz, Kobilarov and Ratiu, Commun. Nonlinear Sci. Numer. Simul. 19 (2014), 3492,
-    section 3.
+    Source: Demoures, Gay-Balmaz, Kobilarov and Ratiu, Commun. Nonlinear Sci. Numer. Simul. 19 (2014), 3492.
     """
 
     if TYPE_CHECKING:  # fields here would be arguments of every cell
 
-        @property
-        def on(self) -> LieGroup: ...
-
-        @property
-        def length(self) -> float: ...
-
-        @property
-        def retraction(self) -> Retraction: ...
+        def __getattr__(self, name: str) -> Any: ...
 
     def stored(self, eta: Vec) -> float:
-        """Phi(eta), the energy in a unit of length.  eta : (dim,)."""
-        raise undefined(self, "stored")
+        """The energy Phi(eta) in a unit of length.  eta : (dim,)."""
+        return self.stored_energy.value(eta)
 
     def stress(self, eta: Vec) -> Vec:
-        """m = dPhi/deta, the internal force.  eta : (dim,)."""
-        raise undefined(self, "stress")
+        """The internal force m = dPhi/deta.  eta : (dim,)."""
+        return self.stored_energy.momentum(eta)
 
     def displacement(self, a: Any, b: Any) -> Vec:
         """The displacement between both nodes, x = tau^-1(g_a^-1 g_b)."""
         return self.retraction.tau_inv(self.on, self.on.compose(self.on.inverse(a.g), b.g))
 
     def energy(self, a: Any, b: Any) -> float:
-        """l Phi(x/l)."""
+        """The energy l Phi(x/l) of the cell."""
         return self.length * self.stored((1.0 / self.length) * self.displacement(a, b))
 
     def force(self, group: Any, k: int, *sites: Any) -> Vec:
         """The force on the first node, k = 0, or on the second, each in its axes."""
-        x = self.displacement(*sites)
-        m = self.stress((1.0 / self.length) * x)
-        if k == 0:
-            return self.retraction.dtau_inv_dual(group, -x, m)
-        return -self.retraction.dtau_inv_dual(group, x, m)
+        return self.forces(group, *sites)[k]
 
     def forces(self, group: Any, *sites: Any) -> tuple[Vec, ...]:
-        """The forces on both nodes."""
-        x = self.displacement(*sites)
-        m, tau = self.stress((1.0 / self.length) * x), self.retraction
+        """The forces (dtau^-1_-x)* m and -(dtau^-1_x)* m on both nodes."""
+        x, tau = self.displacement(*sites), self.retraction
+        m = self.stress((1.0 / self.length) * x)
         return tau.dtau_inv_dual(group, -x, m), -tau.dtau_inv_dual(group, x, m)
 
 
@@ -72,19 +58,10 @@ class Cell(CellTerm):
     """The energy of a cell of a field, l Phi(tau^-1(g_a^-1 g_b)/l).
 
     on : the group.  stored_energy : Phi, a Lagrangian of the strain.  length : l.  retraction : tau.
-    Source: Demoures, Gay-Balmaz, Kobilarov and Ratiu, Commun. Nonlinear Sci. Numer. Simul. 19 (2014), 3492,
-    section 3.
+    Source: Demoures, Gay-Balmaz, Kobilarov and Ratiu, Commun. Nonlinear Sci. Numer. Simul. 19 (2014), 3492.
     """
 
     on: LieGroup
     stored_energy: Lagrangian
     length: float
     retraction: Retraction = Exponential()
-
-    def stored(self, eta: Vec) -> float:
-        """Phi(eta).  eta : (dim,)."""
-        return self.stored_energy.value(eta)
-
-    def stress(self, eta: Vec) -> Vec:
-        """dPhi/deta.  eta : (dim,)."""
-        return self.stored_energy.momentum(eta)

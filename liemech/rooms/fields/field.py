@@ -54,32 +54,30 @@ class Field(FieldInCells):
         require(f"{name}: target", self.target, LieGroup, "SO3()")
         require(f"{name}: density", self.density, FieldDensity, "FieldDensity(KineticEnergy(M), KineticEnergy(C))")
         require(f"{name}: retraction", self.retraction, Retraction, "Exponential()")
-        for what, energy in (("kinetic", self.density.kinetic), ("stored", self.density.stored)):
+        for energy in (self.density.kinetic, self.density.stored):
             shape = energy._shape("xi", "Vec")
             if shape not in (None, (self.target.dim,)):
                 raise InvalidInput(
-                    f"{name}: the {what} energy of its density takes vectors of {shape[0]} components; those of "
-                    f"{self.target!r} have {self.target.dim}"
+                    f"{name}: {energy!r} takes vectors of {shape[0]} components; those of {self.target!r} have "
+                    f"{self.target.dim}"
                 )
-        length = real_array(self.length, f"{name}: length")
+        length, least = real_array(self.length, f"{name}: length"), 3 if self.closed else 1
         if length.ndim or not 0.0 < length < np.inf:
             raise InvalidInput(f"{name}: length must be positive and finite; got {self.length!r}")
-        least = 3 if self.closed else 1
         if type(self.cells) is not int or self.cells < least:
             raise InvalidInput(f"{name}: cells must be a whole number from {least} on; got {self.cells!r}")
         for what in ("ends", "acting"):
             require(f"{name}: {what}", getattr(self, what), (tuple, list), "a tuple")
             object.__setattr__(self, what, tuple(getattr(self, what)))
-        if len(self.ends) != 2:
-            raise InvalidInput(f'{name}: ends are two, such as ("held", "free"); got {self.ends!r}')
-        for end in self.ends:
-            if end not in ("free", "held") and not isinstance(end, (Potential, Force)):
-                raise InvalidInput(f'{name}: an end is "free", "held", a Potential or a Force; got {end!r}')
         for energy in self.acting:
-            require(f"{name}: acting", energy, (Potential, Force), "a Potential or a Force in a unit of length")
+            require(f"{name}: acting", energy, (Potential, Force), "Potentials and Forces in a unit of length")
+        if len(self.ends) != 2 or not all(
+            x in ("free", "held") or isinstance(x, (Potential, Force)) for x in self.ends
+        ):
+            raise InvalidInput(f'{name}: ends are two, each "free", "held", a Potential or a Force; got {self.ends!r}')
 
     @property
-    def cell(self) -> Cell:
+    def element(self) -> Cell:
         """The energy of a cell."""
         return Cell(self.target, self.density.stored, self.length / self.cells, self.retraction)
 
@@ -90,11 +88,8 @@ class Field(FieldInCells):
 
     def others(self) -> tuple[list[Any], Any]:
         """Terms of the potentials that act on nodes, and the load."""
-        parts = [(energy, self.parts) for energy in self.acting]
-        if not self.closed:
-            parts += [
-                (end, unit) for end, unit in zip(self.ends, np.eye(self.nodes)[[0, -1]]) if not isinstance(end, str)
-            ]
+        ends = () if self.closed else zip(self.ends, np.eye(self.nodes)[[0, -1]])
+        parts = [*((energy, self.parts) for energy in self.acting), *ends]
         potentials = [PerSite(PartOfPotential(V, each(w))) for V, w in parts if isinstance(V, Potential)]
         forces = [PerSite(PartOfForce(F, each(w))) for F, w in parts if isinstance(F, Force)]
         return potentials, Terms(*forces) if forces else None
@@ -102,24 +97,23 @@ class Field(FieldInCells):
     def in_space(
         self, duration: float, steps: int, ends: tuple[Any, Any] = ("free", "free"), closed: bool = False
     ) -> Field:
-        """The field whose steps go along s, and whose nodes are times: -l, with the roles of xi and eta exchanged.
+        """The field whose steps go along s and whose nodes are times: -l, with xi and eta exchanged.
 
-        duration : of the column, in s, in so many steps.  ends : at the first time and the last; "free" where there
-        is no momentum.  closed : periodic in time.  Its momenta are the internal forces dPhi/deta, and its longest
-        stable step is that in which the slowest wave goes for a time step.
+        duration : in s, in so many steps.  ends : at the first time and the last, "free" where there is no
+        momentum.  closed : periodic in time.  Momenta are the internal forces dPhi/deta; the longest stable
+        step is the way of the slowest wave in a time step.
         """
         forces = [energy for energy in self.acting if isinstance(energy, Force)]
         if forces:
-            raise InvalidInput(
-                f"{type(self).__name__}.in_space: {forces[0]!r} has no potential, and marches in time only"
-            )
+            raise InvalidInput(f"{type(self).__name__}.in_space: {forces[0]!r} has no potential")
+        exchanged = FieldDensity(self.density.stored, self.density.kinetic)
         acting = tuple([PartOfPotential(V, -1.0) for V in self.acting])
-        return type(self)(self.target, self.density.exchanged, duration, steps, ends, closed, acting, self.retraction)
+        return type(self)(self.target, exchanged, duration, steps, ends, closed, acting, self.retraction)
 
 
 @record
 class PartOfPotential(Potential):
-    """A potential in a unit of length on a part of the line, w V(g).
+    """A potential V in a unit of length on a part w of the line.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 7.7.
     """
@@ -128,17 +122,17 @@ class PartOfPotential(Potential):
     part: float
 
     def energy(self, g: Any) -> float:
-        """w V(g)."""
+        """The energy w V(g) of the part."""
         return self.part * self.potential.energy(g)
 
     def force(self, group: LieGroup, g: Element) -> Vec:
-        """w times the force of V."""
+        """The force of V on the part."""
         return self.part * self.potential.force(group, g)
 
 
 @record
 class PartOfForce(Force):
-    """A force in a unit of length on a part of the line, w F(t, xi, g).
+    """A force F in a unit of length on a part w of the line.
 
     Source: Marsden and West, Discrete mechanics and variational integrators, Acta Numerica 10 (2001), section 3.1.
     """
@@ -147,9 +141,9 @@ class PartOfForce(Force):
     part: float
 
     def covector(self, t: float, xi: Vec, g: Any) -> Vec:
-        """w F(t, xi, g)."""
+        """The force w F(t, xi, g) on the part."""
         return self.part * self.force.covector(t, xi, g)
 
     def resistance(self, t: float, xi: Vec, g: Any, along: Vec) -> Vec:
-        """w times the damping of F."""
+        """The damping of F on the part."""
         return self.part * self.force.resistance(t, xi, g, along)

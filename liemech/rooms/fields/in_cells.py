@@ -1,6 +1,4 @@
-"""Fields on a group in cells along a line, as systems of many sites: nodes with a part of the kinetic energy each, and
-cells that tie them.
-"""
+"""Fields on a group in cells along a line: many sites, the nodes, which cells tie."""
 
 from __future__ import annotations
 
@@ -10,17 +8,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import InvalidInput
-from ...formulas import check_finite, real_array, record
+from ...formulas import Vec, check_finite, real_array, record
 from ...formulas.classes.derived import closed_form_of
-from ...groups.lie_group import LieGroup
-from ...groups.retractions import Retraction
+from ...formulas.classes.of_each import Each
 from ...simulation.reports.drift import Drift
+from ...systems.kinetic_energy import KineticEnergy
 from ...systems.lie_poisson import LiePoissonSystem
 from ...systems.mechanical import MechanicalSystem
 from ..sites.graphs import edges
 from ..sites.terms.terms import PerSite, Terms
-from .cell import CellTerm
-from .density import FieldDensity, on_parts
+from .density import on_parts
 
 
 @record
@@ -30,11 +27,9 @@ class FieldInCells(MechanicalSystem):
 
         H = sum_j w_j T*(mu_j/w_j) + sum_cells l Phi(tau^-1(g_j^-1 g_j+1)/l) + what acts on nodes
 
-    A subclass has `target`, `density`, `cell`, `length`, `cells`, `closed` and `retraction`, as fields or
-    properties, and says what acts on nodes as `others` and which are held as `held`.
-
-    w_j is the length l of a cell, l/2 at the ends of a line that is not closed.  KickDrift() solves the discrete
-    covariant Euler-Poincare equations at every node j and time k,
+    w_j is the length l of a cell, l/2 at the ends of a line that is not closed.  A subclass has `target`, `density`,
+    `element`, `length`, `cells`, `closed` and `retraction`, as fields or properties, and says what is `held`, and what
+    `others` act on nodes.  KickDrift() solves the discrete covariant Euler-Poincare equations at node j and time k,
 
         w_j (mu-_jk - mu+_j,k-1)/h + lam-_jk - lam+_j-1,k = w_j f_jk
 
@@ -46,26 +41,7 @@ class FieldInCells(MechanicalSystem):
 
     if TYPE_CHECKING:  # fields here would be arguments of every such system
 
-        @property
-        def target(self) -> LieGroup: ...
-
-        @property
-        def density(self) -> FieldDensity: ...
-
-        @property
-        def cell(self) -> CellTerm: ...
-
-        @property
-        def length(self) -> float: ...
-
-        @property
-        def cells(self) -> int: ...
-
-        @property
-        def closed(self) -> bool: ...
-
-        @property
-        def retraction(self) -> Retraction: ...
+        def __getattr__(self, name: str) -> Any: ...
 
     body: Any = field(init=False, repr=False)
     potential: Any = field(init=False, repr=False)
@@ -83,7 +59,7 @@ class FieldInCells(MechanicalSystem):
         self._check()
         n, (terms, load), (held, pinned) = self.cells, self.others(), self.held()
         pairs = np.stack([np.arange(n), (np.arange(n) + 1) % self.nodes], axis=1)
-        cells = self.cell.over(edges(pairs, sites=self.nodes, ordered=True))
+        cells = self.element.over(edges(pairs, sites=self.nodes, ordered=True))
         kinetic: Any = PerSite(on_parts(self.density.kinetic, self.parts))
         object.__setattr__(self, "body", LiePoissonSystem(self.target**self.nodes, kinetic))
         object.__setattr__(self, "potential", Terms(cells, *terms, held=held, pinned=pinned))
@@ -116,7 +92,8 @@ class FieldInCells(MechanicalSystem):
     @property
     def rest_strain(self) -> np.ndarray:
         """The strain without force, (dim,), or of each cell, (cells, dim)."""
-        return np.array(getattr(self.density.stored, "rest", np.zeros(self.target.dim)))
+        strain = getattr(self.density.stored, "rest", np.zeros(self.target.dim))
+        return strain.values if isinstance(strain, Each) else np.array(strain)
 
     def shape(self, u: Any = None, start: Any = None) -> np.ndarray:
         """The elements of a field with strain u, (nodes, ...): g_k+1 = g_k tau(l u_k).
@@ -144,20 +121,23 @@ class FieldInCells(MechanicalSystem):
         """The strains of the cells, u = tau^-1(g_k^-1 g_k+1)/l, (..., cells, dim).  g : (..., nodes, ...)."""
         return self._displacements("strains", g)[2] * (self.cells / self.length)
 
-    @closed_form_of("cell")
+    @closed_form_of("element")
     def stresses(self, g: Any) -> np.ndarray:
         """The internal forces dPhi/deta of the cells, (..., cells, dim).  g : (..., nodes, ...)."""
-        return np.asarray(self.density.stored.momentum(self.strains(g)))
+        stored, eta = self._stored(g)
+        return np.asarray(stored.momentum(eta))
 
-    @closed_form_of("cell")
-    def stored_energies(self, g: Any) -> np.ndarray:
-        """The energies l Phi of the cells, (..., cells).  g : (..., nodes, ...)."""
-        return np.asarray(self.length / self.cells * self.density.stored.value(self.strains(g)))
+    def _stored(self, g: Any) -> tuple[Any, np.ndarray]:
+        """Phi and the strains; where each cell has its own rest strain, these beyond it."""
+        stored = self.density.stored
+        if not isinstance(getattr(stored, "rest", None), Each):
+            return stored, self.strains(g)
+        return KineticEnergy(stored.stiffness), self.strains(g) - self.rest_strain
 
     def _displacements(self, name: str, g: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The elements at both ends of the cells, and x = tau^-1(g_a^-1 g_b), (..., cells, dim)."""
-        axis = -1 - len(self.target.element_shape)
         first = real_array(g, f"{type(self).__name__}.{name}: g", or_complex=np.iscomplexobj(g))
+        axis = -1 - len(self.target.element_shape)
         second = np.roll(first, -1, axis=axis)
         if not self.closed:
             first, second = (np.delete(x, -1, axis=axis) for x in (first, second))
@@ -167,7 +147,7 @@ class FieldInCells(MechanicalSystem):
     # ---------------------------------------------------------------- what flows through it
 
     def currents(self, g: Any) -> np.ndarray:
-        """The momentum that flows through each cell in a unit of time, in space, towards larger s,
+        """The momentum, in space, that flows through each cell in a unit of time towards larger s,
         (..., cells, dim): n = K_g lam, lam = -dPhi/deta carried to a node.  g : (..., nodes, ...).
         """
         first, _, x = self._displacements("currents", g)
@@ -175,66 +155,57 @@ class FieldInCells(MechanicalSystem):
         return -np.asarray(self.target.K(first, carried))
 
     def energy_currents(self, mu: Any, g: Any) -> np.ndarray:
-        """The energy that flows through each cell in a unit of time, towards larger s, (..., cells): the
+        """The energy that flows through each cell in a unit of time towards larger s, (..., cells): the
         mean of <lam, xi> at its ends.  mu : (..., nodes, dim), g : (..., nodes, ...).
         """
-        _, _, x = self._displacements("energy_currents", g)
-        m, mu = self.stresses(g), real_array(mu, f"{type(self).__name__}.energy_currents: mu")
-        ends = [-np.asarray(self.retraction.dtau_inv_dual(self.target, y, m)) for y in (-x, x)]
-        xi = self._velocities(mu)
-        after = np.roll(xi, -1, axis=-2)[..., : self.cells, :]
-        return 0.5 * ((ends[0] * xi[..., : self.cells, :]).sum(axis=-1) + (ends[1] * after).sum(axis=-1))
-
-    def _velocities(self, mu: np.ndarray) -> np.ndarray:
-        """The velocities of the nodes.  mu : (..., nodes, dim)."""
-        return np.asarray(self.density.kinetic.gradient(mu / self.parts[:, None]))
+        x, m = self._displacements("energy_currents", g)[2], self.stresses(g)
+        xi = self.density.kinetic.gradient(real_array(mu, "energy_currents: mu") / self.parts[:, None])
+        power = 0.0
+        for y, at_end in ((-x, xi), (x, np.roll(xi, -1, axis=-2))):
+            lam = -np.asarray(self.retraction.dtau_inv_dual(self.target, y, m))
+            power = power + 0.5 * (lam * at_end[..., : self.cells, :]).sum(axis=-1)
+        return np.asarray(power)
 
     def balance(self, run: Any) -> Drift:
-        """How well momentum and energy of each node that is free change by what flows through the cells at it.
+        """How well momentum and energy of the nodes that are free change by what flows through the cells.
 
-        run : by KickDrift(), with every step.  Momenta in space change by the currents at both ends of a step,
-        to rounding; the energy, T and half of that of the cells at a node, by an error of second order.
-        Raises InvalidInput for a run without momenta or elements, and for fields on whose nodes more acts.
+        run : by KickDrift(), with every step, of a field on whose nodes nothing else acts.  Momenta in space
+        change by the currents at both ends of a step, to rounding; the energy, T and half of that of the cells
+        at a node, to second order.
         """
         where = f"{type(self).__name__}.balance"
         if not self._alone:
             raise InvalidInput(f"{where}: more than the cells acts on nodes; give a field without")
         if not {"mu", "g"} <= {*run.states} or run.bodies is not None or len(run.t) != run.steps + 1:
             raise InvalidInput(f"{where}: needs mu and g of every step of one run, every=1; got {[*run.states]}")
-        held, pinned = self.held()
-        mu, g, free = run.mu, run.g, np.setdiff1d(np.arange(self.nodes), [*held, *pinned])
-        xi = self._velocities(mu)
-        kinetic = (mu * xi).sum(axis=-1) - self.parts * np.asarray(self.density.kinetic.value(xi))
-        energy = kinetic + 0.5 * self._of_ends(self.stored_energies(g)[..., None], 1.0)[..., 0]
-        momentum = np.asarray(self.target.K(g, mu))
+        mu, g, (stored, eta) = run.mu, run.g, self._stored(run.g)
+        kinetic = self.parts * np.asarray(self.density.kinetic.energy(mu / self.parts[:, None]))
+        energy = kinetic[..., None] + self._at_nodes(0.5 * self.length / self.cells * stored.value(eta)[..., None], 1.0)
+        free = np.setdiff1d(np.arange(self.nodes), [node for nodes in self.held() for node in nodes])
         series, terms = {}, {}
         for name, contents, flow in (
-            ("momentum of nodes", momentum, self.currents(g)),
-            ("energy of nodes", energy[..., None], self.energy_currents(mu, g)[..., None]),
+            ("momentum of nodes", np.asarray(self.target.K(g, mu)), self.currents(g)),
+            ("energy of nodes", energy, self.energy_currents(mu, g)[..., None]),
         ):
-            out = self._of_ends(flow, -1.0)
-            lost = np.cumsum(0.5 * np.diff(run.t)[:, None, None] * (out[1:] + out[:-1]), axis=0)
-            lost = np.concatenate([0.0 * out[:1], lost])
+            out = self._at_nodes(flow, -1.0)
+            steps = 0.5 * np.diff(run.t)[:, None, None] * (out[1:] + out[:-1])
+            lost = np.cumsum(np.concatenate([0.0 * out[:1], steps]), axis=0)
             series[name], terms[name] = (contents + lost)[:, free], (np.abs(contents) + np.abs(lost))[:, free]
         return Drift.recorded(series, run.t, terms=terms)
 
-    def _of_ends(self, of_cells: np.ndarray, sign: float) -> np.ndarray:
+    def _at_nodes(self, of_cells: np.ndarray, sign: float) -> np.ndarray:
         """Of each node what the cell after it has, and `sign` times what the cell before it has."""
         after = of_cells if self.closed else np.concatenate([of_cells, 0.0 * of_cells[:, :1]], axis=1)
         return after + sign * np.roll(after, 1, axis=1)
 
     def total_momentum(self, mu: Any, g: Any) -> np.ndarray:
         """The momentum of the whole field in space, sum_j K_g_j mu_j, (..., dim)."""
-        momentum: np.ndarray = np.asarray(self.target.K(np.asarray(g), np.asarray(mu))).sum(axis=-2)
-        return momentum
+        return np.asarray(np.asarray(self.target.K(np.asarray(g), np.asarray(mu))).sum(axis=-2))
 
     def momenta_of_sites(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """The total momentum of a field that nothing holds and pulls at.  states : mu, (..., nodes,
-        dim), and g.
-        """
-        if any(self.held()) or not self._alone:
-            return {}
-        return {"momentum": self.total_momentum(states["mu"], states["g"])}
+        """The total momentum, where nothing holds and pulls.  states : mu, (..., nodes, dim), and g."""
+        free = self._alone and not any(self.held())
+        return {"momentum": self.total_momentum(states["mu"], states["g"])} if free else {}
 
     @property
     def _alone(self) -> bool:
@@ -242,7 +213,21 @@ class FieldInCells(MechanicalSystem):
         return len(self.potential.parts) == 1 and self.load is None
 
     @property
+    def speeds(self) -> np.ndarray:
+        """The speeds c of small waves near rest, M c^2 v = C v, rising, (dim,); nan of what is unstable."""
+        M, C = (
+            np.array(energy.hessian(Vec.of(at)), dtype=float)
+            for energy, at in (
+                (self.density.kinetic, np.zeros(self.target.dim)),
+                (self.density.stored, np.atleast_2d(self.rest_strain)[0]),
+            )
+        )
+        M, C = (np.diag(x) if x.ndim == 1 else x for x in (M, C))
+        with np.errstate(invalid="ignore"):
+            return np.sort(np.sqrt(np.linalg.eigvals(np.linalg.solve(M, C)).real))
+
+    @property
     def largest_step(self) -> float:  # type: ignore[override]
         """The longest stable step of KickDrift() near rest, in which the fastest wave crosses a cell."""
-        fastest = np.nanmax(self.density.speeds(self.target.dim), initial=0.0)
+        fastest = np.nanmax(self.speeds, initial=0.0)
         return float(self.length / self.cells / fastest) if fastest else np.inf

@@ -122,25 +122,19 @@ class Drift:
 
     @classmethod
     def recorded(
-        cls,
-        series: dict[str, np.ndarray],
-        t: np.ndarray,
-        bodies: int | None = None,
-        terms: dict[str, np.ndarray] | None = None,
+        cls, series: dict[str, np.ndarray], t: np.ndarray, bodies: int | None = None, terms: Any = None
     ) -> Drift:
-        """Drift of quantities whose values were recorded, (n, ...), without the state.
-
-        terms : how large the terms are whose sums they are, (n, ...); left out, as large as the values.
+        """Drift of quantities whose values were recorded, (n, ...), without the state.  terms : the sizes of what they
+        are sums of, by name.
         """
         if len(t) < 2:
             raise InvalidInput("Trajectory.drift needs at least two samples")
         axes = 1 + (bodies is not None)
-
-        def flat(values: np.ndarray) -> np.ndarray:
-            return values.reshape(*values.shape[:axes], -1)
-
-        sizes = {name: flat(np.abs(values)[_some(len(t))]) for name, values in (terms or series).items()}
-        return cls(tuple(_kept(name, t, flat(values), sizes[name]) for name, values in series.items()))
+        flat, sizes = (
+            {name: values.reshape(*values.shape[:axes], -1) for name, values in table.items()}
+            for table in (series, terms or series)
+        )
+        return cls(tuple(_kept(name, t, flat[name], np.abs(sizes[name])[_some(len(t))]) for name in series))
 
     def __getitem__(self, name: str) -> Kept:
         for constant in self.kept:
