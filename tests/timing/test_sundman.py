@@ -166,7 +166,7 @@ def test_tangents() -> None:
         assert found[:, j] == pytest.approx(column, rel=1e-8)
 
 
-@pytest.mark.parametrize("group", [lm.SO3(), lm.UnitQuaternions()], ids=repr)
+@pytest.mark.parametrize("group", [lm.UnitQuaternions(), pytest.param(lm.SO3(), marks=pytest.mark.slow)], ids=repr)
 def test_tangents_on_groups(group: lm.LieGroup) -> None:
     """Of bodies, whose elements are those of their own group, not of its product with the time."""
     body = lm.RigidBody([1.0, 1.5, 2.0], group=group)
