@@ -359,7 +359,7 @@ class Quantities:
         """
         run = self.run
         about = SimpleNamespace(system=run.known(None).get("system", run.plan.system), bodies=run.bodies)
-        values: dict[str, np.ndarray] = self.recorder.values(about, run.view.kind, t, states, run.asked_for)
+        values: dict[str, np.ndarray] = self.recorder.values(about, run.view.kind, t, states, run.compiled_asked)
         return values
 
     def flush(self) -> None:
@@ -392,7 +392,7 @@ class Quantities:
         fields: dict[str, Any] = samples()
         system = self.run.known(i).get("system", self.run.laws_of(i)[0])
         about = SimpleNamespace(system=system, bodies=None)
-        arguments = about, self.run.view.kind, fields["t"], fields["states"], self.run.asked_for
+        arguments = about, self.run.view.kind, fields["t"], fields["states"], self.run.compiled_asked
         try:
             return fields | {"states": self.recorder.values(*arguments)}
         except Exception:

@@ -200,7 +200,7 @@ class LinksRun(SiteRun):
     def __init__(self, plan: Any, site: Any, start: Any, *given: Any) -> None:
         super().__init__(plan, site, start, *given)
         self.known_places: dict[str, Any] = {}  # of inputs
-        self.asked_for = plan._steps.compiled
+        self.compiled_asked = plan._steps.compiled
         if plan.recorder is not None and plan.recorder.quantities:
             self.quantities = Quantities(self, plan.recorder)
 

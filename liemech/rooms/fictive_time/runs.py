@@ -73,7 +73,7 @@ class OfClocked(EqualRun):
             first_state = self.inside_at_start(0) if len(t) and t[0] == self.t0[0] else None
             fields["dense"] = FictiveMotion(
                 self.way.way_of(0), self.wholes[0], self._kind, self.lanes.example, self.h.item(0),
-                np.column_stack([t, numbers]), self.asked_for, first_state,
+                np.column_stack([t, numbers]), self.compiled_asked, first_state,
             )  # fmt: skip
         return fields
 
@@ -218,7 +218,7 @@ class FictiveRun(OfClocked):
     def between(self) -> FictiveMotion:
         method, system = self.lanes.arguments[:2]
         h = shown_step(self.way.h)
-        fields = self._kind, self.lanes.example, h, None, self.asked_for
+        fields = self._kind, self.lanes.example, h, None, self.compiled_asked
         return FictiveMotion(method, system, *fields)
 
     def given(self, piece: PieceOfBodies, step: np.ndarray, times: np.ndarray) -> np.ndarray:

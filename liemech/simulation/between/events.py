@@ -214,7 +214,7 @@ class Events:
         self.fresh = {*self.each}
         layout, _ = run.view.seen(run.here[1:, :1].T)
         self.kernels = [
-            execution_of(observe, (event, layout, NUMBER), run.asked_for, silent=True)
+            execution_of(observe, (event, layout, NUMBER), run.compiled_asked, silent=True)
             for event in (() if layout is None else events)
         ]
 

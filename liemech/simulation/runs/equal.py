@@ -149,7 +149,7 @@ class EqualRun(Run):
 
     def _lanes(self, shape: RunShape) -> Lanes:
         """Layouts and native code of steps."""
-        native = self.asked_for is not False and kernel.available() is None
+        native = self.compiled_asked is not False and kernel.available() is None
         side = shape.side if self.straight else kernel.width() if self.bodies and native else 1
         return shape.lanes_of(self.way, self.control, self.extra, side)
 
@@ -204,7 +204,7 @@ class EqualRun(Run):
                 number[:] = starts[place] if place >= 0 else 0.0
             return
         execution = shape.beginning(self.way, lanes)
-        native = execution.refresh() if self.bodies else execution.used(self.asked_for)
+        native = execution.refresh() if self.bodies else execution.used(self.compiled_asked)
         execution = like(execution, native=native)
         stepping, stays = lanes.stepping, not (self.aims[LIMIT] > self.first).any()
         if not stays and stepping.native is not None and self.bodies:
@@ -263,7 +263,7 @@ class EqualRun(Run):
     @functools.cached_property
     def between(self) -> MotionBetween:
         method, system = self.lanes.arguments[:2]
-        return ShortSteps(system, method, self.lanes.example, None, self.asked_for)
+        return ShortSteps(system, method, self.lanes.example, None, self.compiled_asked)
 
     # ---------------------------------------------------------------- what came of it
 

@@ -41,12 +41,18 @@ class Run(Course, Moving):
     for every control.
 
     A body that fails stays where it came to, and disturbs no other.
-    start : a state, or where another run stands, `before`.
+    start : a state, or where another run stands, `before`; `fresh` if it is a state.  way : the prepared steps.
+    t0, t_end, sign : of every body the time at which it begins, the last one, and the sign of its steps.  first : how many
+    steps it had made before.  asked : times of samples, (n, bodies); None for ends of steps.  own_times : has every body
+    its own?  compiled_asked : the option `compiled`.
+
     here : (1 + width, bodies) time and state of every body, and in fictive time tau.
     table : a column for each body: what is carried along, `numbers`; `clocks`; `goals`; parameters
-    of their own.
-    over : bodies that had ended before.  cuts : what terminal events have ended.
+    of their own.  lanes : how it is laid out, and who steps.
+    over : bodies that had ended before.  cuts : what terminal events have ended.  errors : by body why it stopped, as far
+    as somebody asked; `failures` is what plain Python saw failing steps raise.
     jumps : times at which the velocity jumps, last ones first, of bodies that still have some before them.
+    observers, quantities, events : what keeps samples, the first one, and more of the steps; functions of samples; zeros.
     view : how numbers are shown as states.
     """
 
@@ -69,17 +75,17 @@ class Run(Course, Moving):
         self.start, self.bodies, self.count = start, start.bodies, start.bodies or 1
         inner = getattr(start, "inner", start)
         self.before: Carry | None = inner if isinstance(inner, Carry) else None
-        self.asked_for, self.fresh = plan.options.compiled, self.before is None
+        self.compiled_asked, self.fresh = plan.options.compiled, self.before is None
         self.t0 = np.full(self.count, t0 if self.fresh else start.t)
         self.over = np.zeros(self.count, dtype=bool)
-        self.failures: dict[int, list[Any]] = {}  # what plain Python saw failing steps raise
+        self.failures: dict[int, list[Any]] = {}
         self.errors: dict[int, IntegrationFailure] = {}
         if self.before is not None:
             self.over[[*self.before.ended]] = True
             self.errors = {i: e for i, e in self.before.ended.items() if e is not None}
         self.recorded = plan.recorder is not None
         self.cuts: dict[int, int] = {}
-        self.first = np.zeros(self.count)  # how many steps there were before
+        self.first = np.zeros(self.count)
         self.compiled = self.native = False
         self.quantities: Quantities | None = None
         self.jumps: dict[int, Ways] = {}

@@ -209,8 +209,8 @@ class ToleranceRun(Run):
         lanes = Lanes(
             (plan.method, plan.system), Tolerance(curves, self.rows), layout_of((example, xi)), example,
             (xi,) * method.curve_terms if curves else (),
-            self.asked_for, plan.options.progress,
-            kernel.width() if self.bodies and self.asked_for is not False and kernel.available() is None else 1,
+            self.compiled_asked, plan.options.progress,
+            kernel.width() if self.bodies and self.compiled_asked is not False and kernel.available() is None else 1,
         )  # fmt: skip
         steps.shapes[key] = lanes
         return lanes.of_a_run()
@@ -232,7 +232,7 @@ class ToleranceRun(Run):
         if isinstance(self.plan.method, OfBodies) and layout_of(retraction).width:
             retractions = [method_of_body.retraction for method_of_body in self.plan.method]
             retraction = kernel.Several.of(retractions, len(retractions))
-        motion = self.lanes.example, None, method.dense_order, self.asked_for
+        motion = self.lanes.example, None, method.dense_order, self.compiled_asked
         return DenseOutput(several, retraction, *motion)
 
     def end_at(self, row: np.ndarray, begun: float, at: float, numbers: np.ndarray) -> None:
@@ -270,7 +270,7 @@ class ToleranceRun(Run):
         """The dense output of body i, over its own steps."""
         (system, method), last = self.laws_of(i), self.observers[-1]
         rows = last.rows_of(i) if self.bodies else last.rows
-        motion = self.lanes.example, rows, method.dense_order, self.asked_for
+        motion = self.lanes.example, rows, method.dense_order, self.compiled_asked
         return DenseOutput(system, method.retraction, *motion)
 
     def carry_of(self, i: int) -> Any:

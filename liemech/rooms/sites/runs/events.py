@@ -68,7 +68,7 @@ class StepsOfSites(Moving):
 
     def __init__(self, run: Any, start: Any) -> None:
         self.run, self.plan, self.adaptive = run, run.plan, run.adaptive
-        self.asked_for: Any = False if run.shape.watched else run.plan._steps.compiled  # of one step at a time
+        self.compiled_asked: Any = False if run.shape.watched else run.plan._steps.compiled  # of one step at a time
         self.over, self.cuts = np.array([False]), {}  # type: Any, Any
         self.sign = np.array([np.copysign(1.0, run.t_end - run.t_start)])
         self.met_before: Any = ({}, {})
