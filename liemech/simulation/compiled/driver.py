@@ -17,19 +17,9 @@ def on_the_way(retraction: Any, system: Any, state: Any, coefficients: Any, thet
 
 
 def advance(
-    method: Any,
-    system: Any,
-    control: Any,
-    layout: Any,
-    row: Any,
-    turns: int,
-    every: int,
-    goals: Any,
-    states: Any,
-    clocks: Any,
-    out: Any,
-    failures: Any,
-) -> None:
+    method: Any, system: Any, control: Any, layout: Any, row: Any, turns: int, every: int, goals: Any,
+    states: Any, clocks: Any, out: Any, failures: Any,
+) -> None:  # fmt: skip
     """The driver: `turns` turns of a control, with a row of numbers for each in which a step was made, of one
     body or of many side by side, every body with its own step and its own goal.
 
@@ -49,18 +39,9 @@ def advance(
 
 
 def begin(
-    method: Any,
-    system: Any,
-    given: Any,
-    started: Any,
-    layout: Any,
-    shown: Any,
-    starts: Any,
-    clocks: Any,
-    states: Any,
-    out: Any,
-    failures: Any,
-) -> None:
+    method: Any, system: Any, given: Any, started: Any, layout: Any, shown: Any, starts: Any, clocks: Any,
+    states: Any, out: Any, failures: Any,
+) -> None:  # fmt: skip
     """The driver before the first step: from a start, given in one layout and to be used in
     another, what the method carries along, in a third, and the first sample.  A body that cannot
     begin keeps what is in `out`, and is stuck.
@@ -89,22 +70,9 @@ SAMPLES = layout_of(Samples(0.0, 0.0))
 
 
 def sampled_steps(
-    method: Any,
-    system: Any,
-    control: Any,
-    layout: Any,
-    row: Any,
-    room: int,
-    count: int,
-    goals: Any,
-    states: Any,
-    clocks: Any,
-    out: Any,
-    times: Any,
-    samples: Any,
-    done: Any,
-    failures: Any,
-) -> None:
+    method: Any, system: Any, control: Any, layout: Any, row: Any, room: int, count: int, goals: Any,
+    states: Any, clocks: Any, out: Any, times: Any, samples: Any, done: Any, failures: Any,
+) -> None:  # fmt: skip
     """The driver: trials of one body, one by one, and the states at those of `count` times, sorted in
     their direction, that it has passed.
 

@@ -63,7 +63,11 @@ SAMPLES, STEPS = 2**16, 2**22
 
 
 class EqualRun(Run):
-    """A run of fixed steps, in which each body goes to an end of its own, or to an event."""
+    """A run of fixed steps, in which each body goes to an end of its own, or to an event.
+
+    h, zero : the step of every body, and the time of step 0.  aims : the goals, a column each.  unbegun : the bodies whose
+    steps could not begin.
+    """
 
     control: Any = Equal(True)
     shape: RunShape
@@ -303,7 +307,9 @@ class StraightRun(EqualRun):
     """A run of fixed steps of all bodies to one end, without events: native code writes samples where they
     stay.
 
-    reached : how many steps all bodies have come, if they did not stop.
+    done, steps : before this run, and of it.  reached : how many steps all bodies have come, if they did not stop.
+    latest : the last samples.  stay : by body, the state in which it stays.  after, exact : of times that are asked for,
+    the steps before each, and do they lead there?
     """
 
     control = STRAIGHT
