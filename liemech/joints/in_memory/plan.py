@@ -37,11 +37,11 @@ class LinksOfPlan(SitesOfPlan):
         """That of adaptive steps.  curves : is the way of a step kept?"""
         return AdaptiveStepsOfLinks.of_method(self.plan._steps.method, curves)
 
-    def missing(self, t_eval: Any, kept: Any, members: bool) -> str | None:
+    def missing(self, t_eval: Any, checkpoint: Any, members: bool) -> str | None:
         """As of many sites, and adaptive steps of each member."""
         if members and self.plan.adaptive:
             return "adaptive step of each member"
-        return super().missing(t_eval, kept, members)
+        return super().missing(t_eval, checkpoint, members)
 
     @property
     def kind(self) -> Any:

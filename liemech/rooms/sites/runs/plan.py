@@ -177,7 +177,7 @@ class SitesOfPlan:
                     'names: record=[("spin", lambda t, site: site.mu)]'
                 )
 
-    def missing(self, t_eval: Any, kept: Any, members: bool) -> str | None:
+    def missing(self, t_eval: Any, checkpoint: Any, members: bool) -> str | None:
         """The first thing asked for that runs by sites do not have; None if they have all."""
         plan, steps = self.plan, self.plan._steps
         if not self.site.jointed:
@@ -186,7 +186,7 @@ class SitesOfPlan:
             return "steps in fictive time"
         if plan.of_each:
             return f"{next(iter(plan.of_each))} of each member"
-        if members and kept is not None:
+        if members and checkpoint is not None:
             return "checkpoint of members"
         if plan.adaptive:
             return None
@@ -219,7 +219,7 @@ class SitesOfPlan:
         return numbers > most or self.of_sites is not None or not self.as_one_body
 
     def trajectory(
-        self, start: Any, steps: int | None, t_end: Any, t0: float, kept: Any, t_eval: Any = None
+        self, start: Any, steps: int | None, t_end: Any, t0: float, checkpoint: Any, t_eval: Any = None
     ) -> Trajectory | None:
         """The run; None if the system is to be written out instead.  Raises IncompatibleSystem for
         one that is too large for that.
@@ -232,12 +232,12 @@ class SitesOfPlan:
         whole = not jointed and any(of not in OF_SITES for _, of, _ in self.functions)
         if written_out and whole and self.of_sites is None:
             return None
-        why: Any = self.missing(t_eval, kept, state.bodies is not None)
+        why: Any = self.missing(t_eval, checkpoint, state.bodies is not None)
         if why is None and state.bodies is not None:
             return self._members(state, steps, t_end, t0, t_eval)
         if why is None:
             try:
-                run = self.kind(self.plan, self.site, start, t0, steps, t_end, t_eval, kept)
+                run = self.kind(self.plan, self.site, start, t0, steps, t_end, t_eval, checkpoint)
                 return run.trajectory()
             except NotCompilable as error:
                 if jointed and self.plan._steps.compiled:
