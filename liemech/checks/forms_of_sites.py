@@ -25,15 +25,15 @@ from .points.phase_space_charts import Charts
 def has_forms(system: Any, method: Any) -> bool:
     """Whether the law concerns a method: half a kick, a drift, half a kick, of many sites without a load."""
     kicked = isinstance(method, FieldSplitting) and method.tableau == STRANG
-    many = isinstance(system, MechanicalSystem) and isinstance(system.configurations, PowerGroup)
-    return kicked and many and system.load is None and system.configurations.copies > 1
+    coupled = isinstance(system, MechanicalSystem) and isinstance(system.configurations, PowerGroup)
+    return kicked and coupled and system.load is None and system.configurations.copies > 1
 
 
 class FormsOfSites(Charts):
     """Coordinates on T*G of many sites, by which each has a two-form."""
 
     def defect(self, trial: Any, apart: float) -> float:
-        """What the law is missed by along a step, beside the forms."""
+        """The error of the law along a step, beside the sizes of the forms."""
         end, D = self.moved(trial, apart)
         before, after = self._forms(self.begin, 0.5 * trial.h), self._forms(end, -0.5 * trial.h)
         scale = np.abs(D).max() ** 2 * np.abs(after).max() + np.abs(before).max()

@@ -1,4 +1,4 @@
-"""What a field, a rod or a chain does, over its line and over time."""
+"""Maps of a field, a rod or a chain, over its line and over time."""
 
 from __future__ import annotations
 

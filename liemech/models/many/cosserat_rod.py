@@ -220,7 +220,7 @@ class CosseratRod(FieldInCells):
 
     @property
     def cells(self) -> int:
-        """The number of elements."""
+        """The number of elements of the rod."""
         return self.elements
 
     @cached_property

@@ -73,7 +73,7 @@ class FieldInCells(MechanicalSystem):
 
     @property
     def nodes(self) -> int:
-        """The number of nodes."""
+        """The number of nodes, one more than cells where the line is not closed."""
         return self.cells if self.closed else self.cells + 1
 
     @property
