@@ -45,7 +45,7 @@ def string(cells, length=1.0, **options):
 def turning(cells, in_space=False):
     """A chiral field that is closed to a ring, and a start; of a column that is periodic in time."""
     field = lm.Field(lm.SO3(), CHIRAL, 2.0 * np.pi, cells, closed=True, retraction=CAYLEY)
-    field = field.in_space(2.0 * np.pi, cells, closed=True) if in_space else field
+    field = field.column(2.0 * np.pi, cells, closed=True) if in_space else field
     s = field.arc
     x = 0.6 * np.stack([np.sin(s), 0.7 * np.cos(s), 0.5 * np.sin(2.0 * s + 0.3)], axis=-1)
     mu = 0.5 * np.stack([np.cos(s), np.sin(s) + 0.2, np.cos(2.0 * s)], axis=-1)
@@ -215,13 +215,26 @@ def test_marching_in_space_finds_the_field_that_marched_in_time():
     bump = (4.0 * beam.arc * (1.0 - beam.arc))[:, None] ** 4
     start = beam.state(xi=bump * [0.8, 0.5, 1.0, 0.3, 0.4, 0.1], g=beam.shape())
     run = lm.integrate(beam, LIE, start, h=0.05, steps=24, compiled=False)
-    column = beam.in_space(1.2, 24)
+    column = beam.column(1.2, 24)
     assert column.largest_step == pytest.approx(2.0 * 0.05) and beam.largest_step == pytest.approx(0.125 / 2.0)
     with pytest.warns(lm.errors.StepWarning):  # noise at the ends of the column grows, and does not come in
         along = lm.integrate(column, LIE, column.at_rest(run.g[:, 0]), h=0.125, steps=4, compiled=False)
     for j in range(1, 5):
         assert np.abs(along.g[j, j : 25 - j] - run.g[j : 25 - j, j]).max() < 1e-12
     assert np.abs(run.g[-1] - run.g[0]).max() > 0.1
+
+
+@pytest.mark.slow
+def test_a_kink_that_stands_is_marched_along_as_a_pendulum():
+    """u_ss = sin u from u = pi with u_s = 2: u = 4 arctan exp(s)."""
+    errors = []
+    for steps in (20, 40):
+        column = string(2, acting=(Weight(),)).column(1.0, 3, closed=True)
+        u = np.full((3, 1), np.pi)
+        start = column.state(mu=2.0 * column.parts[:, None], g=u)
+        run = lm.integrate(column, lm.KickDrift(), start, h=1.0 / steps, steps=steps, compiled=False)
+        errors.append(np.abs(run.g[-1] - 4.0 * np.arctan(np.e)).max())
+    assert errors[0] < 1e-2 and errors[0] / errors[1] == pytest.approx(4.0, rel=0.05)
 
 
 # ---------------------------------------------------------------- currents and the multisymplectic law
@@ -310,7 +323,7 @@ def test_steps_are_stable_up_to_the_largest_and_a_warning_says_so_before():
 def test_speeds_are_those_of_bending_shear_and_stretch():
     beam = lm.Field(lm.SE3(), BEAM, 1.0, 8)
     np.testing.assert_allclose(beam.speeds[[0, -1]], [np.sqrt(8.0), np.sqrt(30.0)])
-    np.testing.assert_allclose(beam.in_space(1.0, 4).speeds, 1.0 / beam.speeds[::-1])
+    np.testing.assert_allclose(beam.column(1.0, 4).speeds, 1.0 / beam.speeds[::-1])
     assert lm.Field(LINE, lm.FieldDensity(ONE, lm.StrainEnergy([-1.0], [0.0])), 1.0, 3).largest_step == np.inf
 
 
@@ -368,7 +381,7 @@ def test_a_rod_is_a_field():
         (lambda: string(3, ends=("held",)), "ends are two"),
         (lambda: string(3, ends=("held", "loose")), 'ends are two, each "free", "held", a Potential or a Force'),
         (lambda: lm.FieldDensity(Stiffening(), ONE), "kinetic is quadratic"),
-        (lambda: string(3, acting=(Push(1.0),)).in_space(1.0, 4), "has no potential"),
+        (lambda: string(3, acting=(Push(1.0),)).column(1.0, 4), "has no potential"),
         (lambda: string(3).shape([1.0, 2.0]), r"u is \(1,\) or \(3, 1\)"),
         (lambda: string(3, acting=(Weight(),)).balance(None), "more than the cells acts on nodes"),
     ],

@@ -32,7 +32,7 @@ class Field(FieldInCells):
     retraction : tau, of the strain of cells.
 
     States have a row for each node: mu, (nodes, dim), momenta w mu of the part w of the line at a node, and
-    elements g.  `in_space` is the field whose steps go along s.  Steps are KickDrift()'s; on groups whose free
+    elements g.  `column` is the field whose steps go along s.  Steps are KickDrift()'s; on groups whose free
     motion is not known, KickDrift(CovariantVariational(Cayley())).
 
     Source: Demoures, Gay-Balmaz, Kobilarov and Ratiu, Commun. Nonlinear Sci. Numer. Simul. 19 (2014), 3492;
@@ -90,11 +90,12 @@ class Field(FieldInCells):
         """Terms of the potentials that act on nodes, and the load."""
         ends = () if self.closed else zip(self.ends, np.eye(self.nodes)[[0, -1]])
         parts = [*((energy, self.parts) for energy in self.acting), *ends]
-        potentials = [PerSite(PartOfPotential(V, each(w))) for V, w in parts if isinstance(V, Potential)]
-        forces = [PerSite(PartOfForce(F, each(w))) for F, w in parts if isinstance(F, Force)]
+        of_nodes: Any = each
+        potentials = [PerSite(PartOfPotential(V, of_nodes(w))) for V, w in parts if isinstance(V, Potential)]
+        forces = [PerSite(PartOfForce(F, of_nodes(w))) for F, w in parts if isinstance(F, Force)]
         return potentials, Terms(*forces) if forces else None
 
-    def in_space(
+    def column(
         self, duration: float, steps: int, ends: tuple[Any, Any] = ("free", "free"), closed: bool = False
     ) -> Field:
         """The field whose steps go along s and whose nodes are times: -l, with xi and eta exchanged.
@@ -105,7 +106,7 @@ class Field(FieldInCells):
         """
         forces = [energy for energy in self.acting if isinstance(energy, Force)]
         if forces:
-            raise InvalidInput(f"{type(self).__name__}.in_space: {forces[0]!r} has no potential")
+            raise InvalidInput(f"{type(self).__name__}.column: {forces[0]!r} has no potential")
         exchanged = FieldDensity(self.density.stored, self.density.kinetic)
         acting = tuple([PartOfPotential(V, -1.0) for V in self.acting])
         return type(self)(self.target, exchanged, duration, steps, ends, closed, acting, self.retraction)
