@@ -71,10 +71,9 @@ class Field(FieldInCells):
             object.__setattr__(self, what, tuple(getattr(self, what)))
         for energy in self.acting:
             require(f"{name}: acting", energy, (Potential, Force), "Potentials and Forces in a unit of length")
-        if len(self.ends) != 2 or not all(
-            x in ("free", "held") or isinstance(x, (Potential, Force)) for x in self.ends
-        ):
-            raise InvalidInput(f'{name}: ends are two, each "free", "held", a Potential or a Force; got {self.ends!r}')
+        ends: Any = self.ends
+        if len(ends) != 2 or not all(x in ("free", "held") or isinstance(x, (Potential, Force)) for x in ends):
+            raise InvalidInput(f'{name}: ends are two, each "free", "held", a Potential or a Force; got {ends!r}')
 
     @property
     def element(self) -> Cell:
