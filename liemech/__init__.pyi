@@ -150,6 +150,8 @@ from .rooms.poisson.poisson import PoissonSystem as PoissonSystem
 from .rooms.poisson.poisson_euler import PoissonEuler as PoissonEuler
 from .rooms.poisson.poisson_euler import PoissonVerlet as PoissonVerlet
 from .rooms.poisson.poisson_hamilton_jacobi import PoissonHamiltonJacobi as PoissonHamiltonJacobi
+from .rooms.sites.cotangent_sites import CotangentSites as CotangentSites
+from .rooms.sites.cotangent_sites import DrivenCotangentSites as DrivenCotangentSites
 from .rooms.sites.spin_splittings import BondSplitting as BondSplitting
 from .rooms.sites.spin_splittings import SublatticeSplitting as SublatticeSplitting
 from .rooms.sites.terms.terms import PerSite as PerSite

@@ -18,7 +18,7 @@ from ....formulas.classes.of_each import Each
 from ....formulas.classes.records import with_fields
 from ....formulas.classes.remembered import Remembered
 from ....formulas.numbers.ways import ANY, APART, MOVING, AnyFunction, Number, Residue, Ways, values_of
-from ....systems.hamiltonian import Hamiltonian
+from ....groups.composed.one_of import width_of
 from ....systems.in_time.tabulated import PiecewisePolynomial
 from ..graphs import places_of
 from .among import Among, has_places, is_all_pairs
@@ -64,7 +64,7 @@ def alike(terms: Any, part: BoundTerm) -> Any:
     if isinstance(part.term, NearPairs):
         near, part = part.term, with_fields(part, term=part.term.term)
         return holds(terms, part, _exchanged, near.cutoff * DISTANCES, True)
-    return holds(terms, part, _exchanged, SIZES if _in_momenta(terms) else DISTANCES, True)
+    return holds(terms, part, _exchanged, SIZES if terms.of_a_site == ("mu",) else DISTANCES, True)
 
 
 def feels_velocity(terms: Any) -> bool:
@@ -148,8 +148,8 @@ def _numbers(
     of_edge = OfEdge.of_part(terms, part)
     columns: list[np.ndarray] = []
     for k in range(ends.shape[1]):
-        states = np.array([_states(terms, part, int(ends[0, k]), 1, size, rng)[0] for size in sizes])
-        columns += [*np.pad(states, ((0, 0), (0, of_edge.width - states.shape[1]))).T[..., None]]
+        states = np.array([_state(terms, int(ends[0, k]), size, rng) for size in sizes])
+        columns += [*states.T[..., None]]
         for x in of_edge.own:
             if isinstance(x, Each):
                 columns += [*x.values.reshape(len(x), -1)[ends[:, k]].T[:, None]]
@@ -162,20 +162,18 @@ def _residues(rng: np.random.Generator, size: int) -> np.ndarray:
     return np.array([[Residue(int.from_bytes(rng.bytes(16), "big"))] for _ in range(size)])
 
 
-def _states(terms: Any, part: BoundTerm, site: int, count: int, size: float, rng: np.random.Generator) -> np.ndarray:
-    """Random momenta or elements of a site, (count, n)."""
-    base = terms.group.base_of(site)
-    if _in_momenta(terms):
-        return size * rng.normal(size=(count, base.dim))
-    g = np.array(base.random(rng, count))
-    if has_places(base):
-        places_of(base, g)[...] *= size
-    rows = np.ascontiguousarray(g).reshape(count, -1)
-    return rows.view(float) if rows.dtype.kind == "c" else rows
-
-
-def _in_momenta(terms: Any) -> bool:
-    return isinstance(terms, Hamiltonian)
+def _state(terms: Any, site: int, size: float, rng: np.random.Generator) -> np.ndarray:
+    """What terms see of a site with a random state: momentum, element, or both."""
+    base, widest, parts = terms.group.base_of(site), terms.group.base, []
+    if "mu" in terms.of_a_site:
+        parts.append(np.pad(size * rng.normal(size=base.dim), (0, widest.dim - base.dim)))
+    if "g" in terms.of_a_site:
+        g = np.array(base.random(rng, 1))
+        if has_places(base):
+            places_of(base, g)[...] *= size
+        row = np.ascontiguousarray(g).reshape(-1).view(float)
+        parts.append(np.pad(row, (0, width_of(widest) - len(row))))
+    return np.concatenate(parts)
 
 
 def _holds(

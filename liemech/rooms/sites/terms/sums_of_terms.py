@@ -31,6 +31,7 @@ from .kinds_of_terms import feels_velocity
 from .terms import PerSite, at_time, site_class
 from .terms_at_site import (
     EachOfSites,
+    EnergyOfSite,
     ForceOfSite,
     HamiltonianOfSite,
     OwnOfSites,
@@ -48,6 +49,7 @@ class OfTerms(OfManySites):
     """The base of energies and loads that are sums of terms over graphs; abstract."""
 
     form: ClassVar[type[TermsOfSite]]
+    of_a_site: ClassVar[tuple[str, ...]]  # the parts of the state of a site that terms see
 
     group: PowerGroup | SpeciesGroup  # the power whose copies are the sites, or a product of powers
     parts: tuple[BoundTerm, ...]  # the terms
@@ -214,6 +216,7 @@ class MomentumTerms(OfTerms, Hamiltonian):
     """
 
     form: ClassVar[type[TermsOfSite]] = HamiltonianOfSite
+    of_a_site: ClassVar[tuple[str, ...]] = ("mu",)
     __repr__ = OfTerms.__repr__
 
     def _sites(self, mu: Vec) -> list[Any]:
@@ -319,6 +322,7 @@ class PlaceTerms(OfTerms, Potential):
     """
 
     form: ClassVar[type[TermsOfSite]] = PotentialOfSite
+    of_a_site: ClassVar[tuple[str, ...]] = ("g",)
     __repr__ = OfTerms.__repr__
 
     def _sites(self, g: Vec) -> list[Any]:
@@ -348,6 +352,45 @@ class PlaceTerms(OfTerms, Potential):
 
 
 @record
+class EnergyTerms(OfTerms):
+    """The energy that `Terms` are on T*G, G a power of a group: a sum of terms in momenta and elements.
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 4.4.
+    """
+
+    form: ClassVar[type[TermsOfSite]] = EnergyOfSite
+    of_a_site: ClassVar[tuple[str, ...]] = "mu", "g"
+    __repr__ = OfTerms.__repr__
+
+    def _sites(self, mu: Vec, g: Element) -> list[Any]:
+        return [self.site_with(i, m, self.group.site(g, i)) for i, m in enumerate(self.divided(mu))]
+
+    def energy(self, mu: Vec, g: Element) -> float:
+        """The sum over terms and edges, site by site.  mu : (sites dim,), g : an element of the power."""
+        return self.energy_of(self._sites(mu, g))
+
+    def rates(self, group: LieGroup, mu: Vec, g: Element) -> tuple[Vec, Vec]:
+        """The velocities of all sites and the forces on them, (sites dim,) each; zero of sites that are held."""
+        sites, velocities, forces = self._sites(mu, g), [], []  # type: Any, list[Any], list[Any]
+        for i, site in enumerate(sites):
+            at_site = self.at_site(i, sites, () if i in self.held else None)
+            xi, force = at_site.rates(self.group.base_of(i), site.mu, site.g)
+            velocities, forces = [*velocities, *xi], [*forces, *force]
+        return vec(*velocities), vec(*forces)
+
+    def _by_site(self, arguments: dict[str, Any]) -> np.ndarray:
+        mu, g = (self.group.by_site(arguments[name], kind) for name, kind in (("mu", "Vec"), ("g", "Element")))
+        return np.concatenate([np.reshape(x, (*x.shape[:2], -1)) for x in (mu, g)], axis=2)
+
+    def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
+        if method not in ("velocity", "force"):
+            return super()._in_numpy(method, arguments)
+        half = slopes_of(self, self._by_site(arguments)), self.group.base.dim
+        slopes = half[0][..., : half[1]] if method == "velocity" else half[0][..., half[1] :]
+        return self.group.without_sites(slopes, "Vec")
+
+
+@record
 class ForceTerms(OfTerms, Force):
     """The load that `Terms` are on a power of a group: a sum of forces on sites.
 
@@ -355,6 +398,7 @@ class ForceTerms(OfTerms, Force):
     """
 
     form: ClassVar[type[TermsOfSite]] = ForceOfSite
+    of_a_site: ClassVar[tuple[str, ...]] = "g", "xi"
     __repr__ = OfTerms.__repr__
 
     @property

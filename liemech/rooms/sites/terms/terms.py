@@ -298,18 +298,22 @@ class PerSite(Term):
         return self.energy_of_one.resistance(t, sites[0].xi, sites[0].g, along)
 
     def slope(self, k: int, *sites: Any) -> Vec:
-        """The gradient of the body's energy by its momentum."""
-        return self.energy_of_one.gradient(sites[0].mu)
+        """The gradient of the body's energy by its momentum; zero of a potential."""
+        if isinstance(self.energy_of_one, Hamiltonian):
+            return self.energy_of_one.gradient(sites[0].mu)
+        return vec(*[0.0 for _ in sites[0].mu])
 
     def force(self, group: Any, k: int, *sites: Any) -> Vec:
-        """The force of the body's potential at its element."""
-        return self.energy_of_one.force(group, sites[0].g)
+        """The force of the body's potential at its element; zero of a Hamiltonian."""
+        if isinstance(self.energy_of_one, Potential):
+            return self.energy_of_one.force(group, sites[0].g)
+        return vec(*[0.0 for _ in range(group.dim)])
 
 
 @record
 class Terms(Record, StandsForAnEnergy):
-    """A sum of terms over graphs, which is an energy of many sites: the Hamiltonian of a
-    `LiePoissonSystem` on a power of a group, or the potential of a `MechanicalSystem`.
+    """A sum of terms over graphs, which is an energy of many sites: the Hamiltonian of a `LiePoissonSystem` on a power
+    of a group, the potential of a `MechanicalSystem`, or the energy of `CotangentSites`.
 
     terms : terms over graphs, `Exchange(1.0).over(neighbours.ring(100))`; without `over` a term is
     one of every site.

@@ -463,6 +463,33 @@ class PotentialOfSite(TermsOfSite, Potential):
 
 
 @record
+class EnergyOfSite(TermsOfSite):
+    """The energy of a site among others, a function of its momentum and its element and of theirs.
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 4.4.
+    """
+
+    def energy(self, mu: Vec, g: Element) -> float:
+        """The share of this site.  mu : (dim,), its momentum, g : its element."""
+        return self.share(mu, g)
+
+    def rates(self, group: LieGroup, mu: Vec, g: Element) -> tuple[Vec, Vec]:
+        """The velocity of this site and the force on it.  mu : (dim,), its momentum, g : its element."""
+        n = len(mu)
+
+        def of_edge(role: RoleAtSite, term: Any, sites: list[Any]) -> Vec:
+            slope, force = term.slope(role.role, *sites), term.force(self.group_of(role, group), role.role, *sites)
+            return vec(*filled(slope, n), *filled(force, n))
+
+        def of_both(term: Any, sites: list[Any]) -> tuple[Vec, Vec]:
+            (slope, last_slope), (force, last_force) = term.slopes(*sites), term.forces(group, *sites)
+            return vec(*slope, *force), vec(*last_slope, *last_force)
+
+        both = self.plus_terms(vec(*[0.0 for _ in range(2 * n)]), mu, g, None, of_edge, of_both)
+        return self.moving(both[:n]), self.moving(both[n:])
+
+
+@record
 class ForceOfSite(TermsOfSite, Force):  # type: ignore[override]
     """The load on a site among others, a function of where it is and how it moves, and of theirs.
 

@@ -11,13 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from ....formulas import Record, Vec, record
+from ....formulas import Record, Vec, record, vec
 from ....formulas.classes.nested import records_in, with_records
 from ....formulas.classes.of_each import Each
 from ....groups.composed.one_of import filled, width_of
 from ....groups.composed.product import shaped
 from ....groups.lie_group import LieGroup
-from ....systems.hamiltonian import Hamiltonian
 from ..graphs import AllPairs
 from .among import Species, is_near, places_of_sites
 from .bound_terms import BoundTerm
@@ -31,7 +30,7 @@ ROWS = 2**17
 
 @record
 class OfEdge(Record):
-    """A term as a function of the numbers of one edge: of every end the momentum or the element and
+    """A term as a function of the numbers of one edge: of every end the momentum, the element or both, and
     its own parameters, then the parameters of the edge.
     """
 
@@ -39,7 +38,7 @@ class OfEdge(Record):
     base: LieGroup  # the group of a site
     arity: int
     role: int  # the place in the energy by which derivatives are taken
-    in_momenta: bool  # is it a function of momenta?
+    parts: tuple[str, ...]  # of the state of a site, on which it depends
     names: tuple[str, ...]
     own: tuple[Any, ...]
     species: Species | None = None  # the species of the sites, if there are several
@@ -48,15 +47,13 @@ class OfEdge(Record):
     @classmethod
     def of_part(cls, terms: Any, part: BoundTerm, role: int = 0) -> OfEdge:
         """The function for an edge of one of the terms of a sum."""
-        leading = part.term, terms.group.base, part.graph.arity, role, isinstance(terms, Hamiltonian)
+        leading = part.term, terms.group.base, part.graph.arity, role, terms.of_a_site
         return cls(*leading, terms.names, terms.own, terms.species, part.of)
 
     @property
     def width(self) -> int:
-        """The number of components of a site's momentum, or of its element."""
-        if self.in_momenta:
-            return self.base.dim
-        return width_of(self.base)
+        """The number of components of what the term sees of the state of a site."""
+        return self.base.dim * ("mu" in self.parts) + width_of(self.base) * ("g" in self.parts)
 
     @cached_property
     def site(self) -> Any:
@@ -76,7 +73,9 @@ class OfEdge(Record):
                     at = at + math.prod(x.shape)
                 else:
                     parameters = [*parameters, x]
-            mu, g = (entries, None) if self.in_momenta else (None, shaped(self.base, entries))
+            momenta = self.base.dim if "mu" in self.parts else 0
+            mu = entries[:momenta] if momenta > 0 else None
+            g = shaped(self.base, entries[momenta:]) if "g" in self.parts else None
             sites = [*sites, type(self.site)(mu, g, None, *parameters)]
         if self.species is not None:
             sites = [self.species.seen(k, site) for k, site in zip(self.of, sites)]
@@ -92,12 +91,15 @@ class OfEdge(Record):
         return term.energy(*sites)
 
     def slope(self, numbers: Vec) -> Vec:
-        """The derivative by the momentum of the site, or the force on it.  numbers : (n,)."""
+        """The derivative by the momentum of the site, the force on it, or both.  numbers : (n,)."""
         term, sites = self.sites(numbers)
-        if self.in_momenta:
-            return filled(term.slope(self.role, *sites), self.base.dim)
-        group = self.base if self.species is None else self.species.groups[self.of[self.role]]
-        return filled(term.force(group, self.role, *sites), self.base.dim)
+        slope: list[Any] = []
+        if "mu" in self.parts:
+            slope = [*filled(term.slope(self.role, *sites), self.base.dim)]
+        if "g" in self.parts:
+            group = self.base if self.species is None else self.species.groups[self.of[self.role]]
+            slope = [*slope, *filled(term.force(group, self.role, *sites), self.base.dim)]
+        return vec(*slope)
 
 
 def _taken(numbers: Any, at: int, shape: tuple[int, ...]) -> Any:
@@ -117,8 +119,9 @@ def energies(terms: Any, states: np.ndarray) -> np.ndarray:
 
 
 def slopes_of(terms: Any, states: np.ndarray) -> np.ndarray:
-    """The derivatives by momenta, or the forces, at every sample, (samples, sites, dim)."""
-    slopes = np.zeros((*states.shape[:2], terms.group.base.dim))
+    """The derivatives by momenta, the forces, or one behind the other, at every sample, (samples, sites, n)."""
+    dim = terms.group.base.dim
+    slopes = np.zeros((*states.shape[:2], dim * len(terms.of_a_site)))
     for part in terms.parts:
         for role in range(part.graph.arity):
             of_edge = OfEdge.of_part(terms, part, role)

@@ -18,7 +18,7 @@ from ....systems.many.energies import on_group
 from ....systems.potential import Force, Potential
 from .bound_terms import BoundTerm, bound, numbers_of, parameters
 from .kinds_of_terms import kind_of
-from .sums_of_terms import DrivenTerms, ForceTerms, KineticTerms, MomentumTerms, PlaceTerms
+from .sums_of_terms import DrivenTerms, EnergyTerms, ForceTerms, KineticTerms, MomentumTerms, PlaceTerms
 from .terms import AtTime, Over, PerSite, Term, Terms, as_terms, is_a_force
 from .trials_of_terms import plain_term, tried
 
@@ -58,11 +58,17 @@ def load_of(name: str, group: LieGroup, terms: Terms) -> Any:
     return _sum(ForceTerms, name, group, terms)
 
 
+def energy_of(name: str, group: LieGroup, terms: Terms) -> Any:
+    """The energy of terms on T*G for this group."""
+    return _sum(EnergyTerms, name, group, terms)
+
+
 BOUND: dict[type, Any] = {
     Hamiltonian: hamiltonian_of,
     DrivenHamiltonian: driven_of,
     Potential: potential_of,
     Force: load_of,
+    EnergyTerms: energy_of,
 }
 """By kind of energy, the function that makes it of terms."""
 
@@ -108,10 +114,12 @@ def _require_fitting(name: str, group: Any, part: BoundTerm) -> None:
 def _require_kind(name: str, kind: Any, part: BoundTerm) -> None:
     term: Any = plain_term(part.term)
     energy = term.energy_of_one if isinstance(term, PerSite) else None
-    base_class = next(base for base in (Hamiltonian, Potential, Force) if issubclass(kind, base))
+    base_class = next(base for base in (Hamiltonian, Potential, Force, EnergyTerms) if issubclass(kind, base))
     force = isinstance(energy, Force) if energy is not None else is_a_force(type(term))
-    if force != (base_class is Force) or (energy is not None and not isinstance(energy, base_class)):
+    misplaced = energy is not None and base_class is not EnergyTerms and not isinstance(energy, base_class)
+    if force != (base_class is Force) or misplaced:
         what = {
+            EnergyTerms: "the energy takes energies of momenta and elements",
             Hamiltonian: "the Hamiltonian takes energies of momenta",
             Potential: "the potential takes energies of elements",
             Force: "the load takes forces, terms with `covector(t, a)`",

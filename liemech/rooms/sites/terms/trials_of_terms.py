@@ -14,7 +14,6 @@ from ....formulas.classes.of_each import Each
 from ....formulas.classes.records import names_of, with_fields
 from ....formulas.numbers.ways import APART
 from ....formulas.vectors import small
-from ....systems.hamiltonian import Hamiltonian
 from ....systems.potential import Force
 from ..graphs import places_of, require_no_duplicates
 from .among import has_places, places_of_sites
@@ -152,18 +151,14 @@ def _values(part: BoundTerm, number: int, sites: list[Any], force: bool) -> tupl
 def _some_site(terms: Any, i: int, rng: np.random.Generator, reach: float) -> Any:
     """A site that is anywhere.  reach : how far it is away, if its energy ends with a cutoff."""
     base, site_with = terms.group.base_of(i), terms.site_with
-    numbers = small(rng.normal(size=base.dim))
-    if isinstance(terms, Hamiltonian):
-        return site_with(i, numbers, None)
+    numbers, parts = small(rng.normal(size=base.dim)), terms.of_a_site
+    mu, xi = (numbers if part in parts else None for part in ("mu", "xi"))
+    if "g" not in parts:
+        return site_with(i, mu, None)
     g = np.array(base.random(rng))
     if reach != 1.0:
         places_of(base, g)[...] *= reach
-    return site_with(i, None, small(g), numbers if isinstance(terms, Force) else None)
-
-
-def _has(terms: Any) -> list[str]:
-    """The parts of the state of a site."""
-    return ["mu"] if isinstance(terms, Hamiltonian) else ["g", *["xi"] * isinstance(terms, Force)]
+    return site_with(i, mu, small(g), xi)
 
 
 def _require_parameters(terms: Any, term: str, error: AttributeError) -> None:
@@ -171,21 +166,23 @@ def _require_parameters(terms: Any, term: str, error: AttributeError) -> None:
         kinds: Any = type(error.obj), Site
         names = [name for name in names_of(kinds[0]) if name not in names_of(kinds[1])]
         raise InvalidInput(
-            f"{term}: a site has no {error.name!r}; it has {', '.join([*_has(terms), *names])}. "
+            f"{term}: a site has no {error.name!r}; it has {', '.join([*terms.of_a_site, *names])}. "
             f"Parameters of sites are given by name, Terms(..., {error.name}=each(values))"
         ) from error
 
 
 def _require_known(terms: Any, term: str, error: TypeError) -> None:
     if "NoneType" in str(error):
-        which, other = (
-            ("a.g", "the potential of a MechanicalSystem")
-            if isinstance(terms, Hamiltonian)
-            else ("a.mu", "the Hamiltonian of its body")
-        )
-        raise InvalidInput(
-            f"{term}: {which} does not count here ({error}); terms in {which} belong to {other}"
-        ) from error
+        which, cure = _ELSEWHERE.get(terms.of_a_site, ("a.mu", "terms in a.mu belong to the Hamiltonian of its body"))
+        raise InvalidInput(f"{term}: {which} does not count here ({error}); {cure}") from error
+
+
+_ELSEWHERE = {
+    ("mu",): ("a.g", "terms in a.g belong to the potential of a MechanicalSystem, terms in both to CotangentSites"),
+    ("g",): ("a.mu", "terms in a.mu belong to the Hamiltonian of its body, terms in both to CotangentSites"),
+    ("mu", "g"): ("a.xi", "write the energy by a.mu and a.g"),
+}
+"""By the parts of a site that terms have, one that they have not, and where terms in it belong."""
 
 
 def _require_size(group: Any, term: str, force: Any) -> None:
