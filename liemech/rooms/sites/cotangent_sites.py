@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any, final
+from typing import Any, ClassVar, final
 
 import numpy as np
 
@@ -26,6 +26,8 @@ class EnergyOfTerms(EnergyOnCotangent):
     configurations : a power of a group, such as SO3() ** 100.  terms : `Terms(...)` of momenta `a.mu` and elements `a.g`.
     """
 
+    small: ClassVar[int] = 6  # what follows by differentiation grows fast where all sites are written out
+
     configurations: LieGroup  # type: ignore[assignment]
     terms: Any
 
@@ -47,6 +49,10 @@ class EnergyOfTerms(EnergyOnCotangent):
     def site_form(self) -> Any:
         """The site form: one site, whose formulas ask the other sites for what they need."""
         return with_fields(self, configurations=self.configurations.base, terms=self.terms.of_site())
+
+    def momenta_of_sites(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """The momenta that a symmetry keeps, at many samples, with an axis of sites."""
+        return self.symmetry(states["mu"], states["g"])
 
     @property
     def is_large(self) -> bool:
