@@ -6,7 +6,7 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 from ..errors import IncompatibleSystem
-from ..formulas import Mat, Vec, derivative, identity_matrix, jacobian, mat, norm, plain, record, vec
+from ..formulas import Mat, Record, Vec, derivative, identity_matrix, jacobian, mat, norm, plain, record, vec
 from ..formulas.numbers.sizes import one_norms
 from ..groups.lie_group import LieGroup
 from ..groups.retractions import Exponential
@@ -115,32 +115,39 @@ class SymplecticRKMK(Implicit):
         return self.after(memory, system.kicked(TAU, memory.state, kick, x), unknown)
 
     def _sweep(
-        self, system: Any, t: float, start: BodyState, h: float, near: tuple[Mat, Mat, Mat], last: tuple[Vec, ...]
+        self, system: Any, t: float, start: BodyState, h: float, near: Middle, last: tuple[Vec, ...]
     ) -> tuple[tuple[Vec, ...], Vec, Vec]:
-        """X_i, D_i, p - mu_n and F anew; how far velocities and p were off, and their sizes, in each unit apart."""
+        """X_i, D_i, p - mu_n and F anew; how far velocities and p were off, and their sizes, in each unit apart.
+
+        What they lead to, and what that changes to first order in h: a misfit shrinks by a factor of order h^2.
+        """
         (a, b, c), group, s = self.tableau, system.configurations, len(self.tableau[1])
         X, D, change = last[:s], last[s : 2 * s], last[2 * s]
         before, p, force = combination(b, X), start.mu + change, 0.0 * change
-        middle = group.compose_exp(start.g, (0.5 * h) * before)
+        middle, rates = group.compose_exp(start.g, (0.5 * h) * before), []  # type: Any, list[tuple[Vec, Vec]]
         for i, (row, node) in enumerate(zip(a, c)):
             y = combination(row, X, h)
             if y is None:  # one stage is in the middle
                 xi, f = system.rates(t + node * h, p, middle)
-                X, force = (xi,), h * f
+                rates, force = [(xi, D[i])], h * f
             else:
                 mu = TAU.dtau_inv_dual(group, y, p + combination(row, D, h))
                 xi, f = system.rates(t + node * h, mu, group.compose_exp(middle, y))
                 v = TAU.dtau_inv(group, y, xi)
-                rate = _rate_in_chart(group, y, mu, v, group.ad_star(xi, mu) + f)
-                X, D = (*X[:i], v, *X[i + 1 :]), (*D[:i], rate, *D[i + 1 :])
+                rates = [*rates, (v, _rate_in_chart(group, y, mu, v, group.ad_star(xi, mu) + f))]
                 force = force + (h * b[i]) * TAU.tau_Ad_star(group, -y, f)
-        off, x = combination(b, X) - before, combination(b, X, h)
+        x = combination(b, [v for v, _ in rates], h)
         mean = TAU.dtau_dual(group, -x, start.mu) + 0.5 * TAU.dtau_dual(group, -0.5 * x, force)
-        by_mu, by_place, matrix = near
-        turn = correction(matrix, mean - p)
-        shift = by_mu @ turn + (0.5 * h) * (by_place @ off)
-        X, blocks = tuple([v + shift for v in X]), system.unit_blocks
-        steps, sizes = vec(*(off + shift), *turn), vec(*before, *start.mu)
+        turn, shift = correction(near.slope, mean - p), 0.5 * (x - h * before)
+        off_X, off_D = [v - X[i] for i, (v, _) in enumerate(rates)], [d - D[i] for i, (_, d) in enumerate(rates)]
+        X, D = (), ()
+        for row, (v, d) in zip(a, rates):
+            y, bent = combination(row, off_X, h), combination(row, off_D, h)
+            y, bent = (0.0 * turn, turn) if y is None else (y, turn + bent)
+            more = near.moved(group, shift, y, bent)
+            X, D = (*X, v + more[0]), (*D, d + more[1])
+        steps, sizes = vec(*(combination(b, X) - before), *turn), vec(*before, *start.mu)
+        blocks = system.unit_blocks
         return (*X, *D, change + turn, force), one_norms(steps, blocks), one_norms(sizes, blocks)
 
 
@@ -171,18 +178,39 @@ def _slope(system: Any, t: float, start: BodyState, h: float, xi: Vec) -> Mat:
     return jacobian(momentum, vec(*[0.0 for _ in xi]))
 
 
-def _linearised(system: Any, t: float, start: BodyState, h: float, xi: Vec, change: Vec) -> tuple[Mat, Mat, Mat]:
-    """The derivatives of the velocity by momentum and place in the middle of a step, and that of p less what it leads to,
-    1 - (h/2) (ad*_(dxi/dmu .) p + df/dmu) to first order in h; all at a guess of the mean velocity and of p - mu_n.
+@record
+class Middle(Record):
+    """Velocity and momentum in the middle of a step, at a guess, and derivatives there.
 
-    df/dmu is the transpose of -dxi/dg, as second derivatives of an energy commute.
+    by_mu, by_place : of the velocity; that of the force by the momentum is the transpose of -by_place, as second
+    derivatives of an energy commute.  slope : of p less what it leads to, 1 - (h/2) (ad*_(by_mu .) p + df/dmu) to first
+    order in h.
     """
+
+    xi: Vec
+    p: Vec
+    by_mu: Mat
+    by_place: Mat
+    slope: Mat
+
+    def moved(self, group: LieGroup, shift: Vec, y: Vec, p: Vec) -> tuple[Vec, Vec]:
+        """The changes of xi + [Y, xi]/2 and of ad*_xi p/2 + f, the rates of Y and P near the middle of the chart, where
+        that goes along exp(shift), Y by y and P by p; but for what the place changes in the rate of P, whose effect on Y
+        is of order h^2.
+        """
+        v = self.by_mu @ (p + 0.5 * group.ad_star(y, self.p)) + self.by_place @ (shift + y)
+        turned = 0.5 * (group.ad_star(v, self.p) + group.ad_star(self.xi, p))
+        return v + 0.5 * group.ad(y, self.xi), turned - self.by_place.T @ p
+
+
+def _linearised(system: Any, t: float, start: BodyState, h: float, xi: Vec, change: Vec) -> Middle:
+    """The middle of a step at a guess of the mean velocity and of p - mu_n."""
     group, p = system.configurations, start.mu + change
     g = group.compose_exp(start.g, (0.5 * h) * xi)
     by_mu = jacobian(lambda m: system.rates(t + 0.5 * h, m, g)[0], p)
     by_place = jacobian(lambda y: system.rates(t + 0.5 * h, p, group.compose_exp(g, y))[0], 0.0 * p)
     rows = [group.ad_star(v, p) - slope for v, slope in zip(by_mu.T, by_place)]
-    return by_mu, by_place, identity_matrix(len(p)) - (0.5 * h) * mat(*rows).T
+    return Middle(xi, p, by_mu, by_place, identity_matrix(len(p)) - (0.5 * h) * mat(*rows).T)
 
 
 def _rate_in_chart(group: LieGroup, y: Vec, mu: Vec, along: Vec, rate: Vec) -> Vec:
