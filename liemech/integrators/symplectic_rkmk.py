@@ -111,7 +111,7 @@ class SymplecticRKMK(Implicit):
             x, force = combination(self.tableau[1], unknown, h), unknown[len(unknown) - 1]
         if not TAU.is_chart(group, x):
             raise self._out_of_chart(h, f"|x| = {norm(x):.2g}")
-        kick = TAU.tau_Ad_star(group, -0.5 * x, force)
+        kick = TAU.tau_Ad_star(group, -0.5 * x, force) if system.has_force else force
         return self.after(memory, system.kicked(TAU, memory.state, kick, x), unknown)
 
     def _sweep(
@@ -159,7 +159,8 @@ def _in_the_middle(system: Any, t: float, start: BodyState, h: float, xi: Vec) -
 def _corrected(system: Any, t: float, start: BodyState, h: float, slope: Mat, xi: Vec) -> tuple[tuple[Vec], Vec, Vec]:
     """The velocity anew whose momentum dl/dxi is p; how far it was off, and its size.  slope : of `_slope`."""
     group, (momentum, f) = system.configurations, _in_the_middle(system, t, start, h, xi)
-    momentum = momentum - (0.5 * h) * TAU.dtau_dual(group, (-0.5 * h) * xi, f)
+    if system.has_force:
+        momentum = momentum - (0.5 * h) * TAU.dtau_dual(group, (-0.5 * h) * xi, f)
     unit = unit_of(slope[0])  # three entries are multiplied
     r, by_p, by_x = TAU.residual(group, h * xi, unit * momentum, unit * start.mu)
     step = correction(h * by_x + momentum_slope(by_p, unit * slope), r)
@@ -173,7 +174,7 @@ def _slope(system: Any, t: float, start: BodyState, h: float, xi: Vec) -> Mat:
 
     def momentum(change: Vec) -> Vec:
         p, f = system.momentum_and_force(t + 0.5 * h, xi + change, group.compose_exp(g, (0.5 * h) * change))
-        return p - (0.5 * h) * (f + (0.25 * h) * group.ad_star(change, f))
+        return p - (0.5 * h) * (f + (0.25 * h) * group.ad_star(change, f)) if system.has_force else p
 
     return jacobian(momentum, vec(*[0.0 for _ in xi]))
 

@@ -46,6 +46,8 @@ class CotangentMotion(System):
     in_space: ClassVar[bool] = False
     # is momentum_and_force(t, xi, g) known, by a Lagrangian?
     has_lagrangian: ClassVar[bool] = False
+    # is there a field or a load?
+    has_force: ClassVar[bool] = True
     if TYPE_CHECKING:  # a field here would be an argument of every system
 
         @property

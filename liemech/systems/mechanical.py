@@ -18,7 +18,7 @@ from .cotangent import CotangentMotion
 from .in_time.driven import DrivenLiePoissonSystem
 from .lie_poisson import BodyState, LiePoissonSystem, body_state, of_group
 from .many.energies import OfManySites, moving, on_group
-from .potential import Force, Potential
+from .potential import Force, NoPotential, Potential
 
 _NO_FORCE = Force()
 
@@ -162,6 +162,11 @@ class MechanicalSystem(CotangentMotion):
     def has_lagrangian(self) -> bool:  # type: ignore[override]
         """Whether the body has a Lagrangian."""
         return self._body_at(0.0).lagrangian is not None
+
+    @property
+    def has_force(self) -> bool:  # type: ignore[override]
+        """Whether there is a field or a load."""
+        return self.load is not None or not isinstance(self.potential, NoPotential)
 
     @final
     def momentum_and_force(self, t: float, xi: Vec, g: Element) -> tuple[Vec, Vec]:
