@@ -132,12 +132,13 @@ class Outliner:
         """The value of a call, written out unless the formula turns out to be too large, else as a native function."""
         t, b, function = self.translator, self.emitter.builder, frame.source.function
         snapshot, before, spent = Snapshot(t, t.frames[-1].env), b.emitted, t.state.spent
+        counted = [before]
         try:
-            with self._limit(before):
+            with self._limit(counted):
                 result = self._copy(frame, env)
-            large = b.emitted - before >= t.state.huge
+            large = b.emitted - counted[0] >= t.state.huge
         except Growing:
-            large = b.emitted - before >= t.state.huge / SLACK
+            large = b.emitted - counted[0] >= t.state.huge / SLACK
             if not large:
                 raise
         cost = b.emitted - before
@@ -202,15 +203,19 @@ class Outliner:
             self.translator.state.begun, b.room = starts, room + b.emitted - before
 
     @contextlib.contextmanager
-    def _limit(self, begin: int) -> Iterator[None]:
-        """Inside, a formula that begins at this count of instructions raises Growing where it becomes huge."""
+    def _limit(self, counted: list[float]) -> Iterator[None]:
+        """Inside, a formula raises Growing where it becomes huge.
+
+        counted : the count of instructions at which it begins; afterwards that from which it counts, without formulas in
+        it that had to be written out: to write it out again would write them out again.
+        """
         starts, b = self.translator.state.begun, self.emitter.builder
-        starts.append(begin)
+        starts.append(counted[0])
         b.room = starts[0] + SLACK * self.translator.state.huge
         try:
             yield
         finally:
-            starts.pop()
+            counted[0] = starts.pop()
             b.room = starts[0] + SLACK * self.translator.state.huge if starts else math.inf
 
     def _form_of_function(self, call: Call) -> tuple[Any, bool]:
