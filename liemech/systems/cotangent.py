@@ -348,7 +348,6 @@ class DrivenCotangentSystem(EnergyOnCotangent):
         """The force f, <f, eta> = -d/ds H(t, g exp(s eta), mu), (dim,).  mu : (dim,), g : an element."""
         return -gradient(lambda eta: self.energy(t, mu, self.configurations.compose_exp(g, eta)), self._at_rest())
 
-    @final
     def rates(self, t: float, mu: Vec, g: Element) -> tuple[Vec, Vec]:
         """The body velocity and the force at time t.  mu : (dim,), g : an element."""
         return self.velocity(t, mu, g), self.force(t, mu, g)

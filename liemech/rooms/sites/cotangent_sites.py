@@ -28,7 +28,7 @@ class EnergyOfTerms(EnergyOnCotangent):
 
     small: ClassVar[int] = 6  # what follows by differentiation grows fast where all sites are written out
 
-    configurations: LieGroup  # type: ignore[assignment]
+    configurations: LieGroup
     terms: Any
 
     def __post_init__(self) -> None:
@@ -48,7 +48,8 @@ class EnergyOfTerms(EnergyOnCotangent):
     @cached_property
     def site_form(self) -> Any:
         """The site form: one site, whose formulas ask the other sites for what they need."""
-        return with_fields(self, configurations=self.configurations.base, terms=self.terms.of_site())
+        group: Any = self.configurations
+        return with_fields(self, configurations=group.base, terms=self.terms.of_site())
 
     def momenta_of_sites(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The momenta that a symmetry keeps, at many samples, with an axis of sites."""

@@ -163,7 +163,7 @@ def _residues(rng: np.random.Generator, size: int) -> np.ndarray:
 
 
 def _state(terms: Any, site: int, size: float, rng: np.random.Generator) -> np.ndarray:
-    """What terms see of a site with a random state: momentum, element, or both."""
+    """A random state of a site as terms see it: momentum, element, or both."""
     base, widest, parts = terms.group.base_of(site), terms.group.base, []
     if "mu" in terms.of_a_site:
         parts.append(np.pad(size * rng.normal(size=base.dim), (0, widest.dim - base.dim)))
