@@ -126,7 +126,15 @@ CASES: dict[str, tuple[Any, list[float], float]] = {
     "charge": (CHARGE, [0.0, 1.0, 0.1, 0.09, 0.55, 0.30], 0.2),
 }
 
-TOO_LONG = {("plane", 8), ("species", 8), ("particle", 8), ("second bracket", 6)}
+LONG = {("plane", 8), ("species", 8), ("second bracket", 6)}
+"""Steps that take many seconds to compile."""
+
+
+def cases(names: Any, orders: Any) -> list[Any]:
+    """Names and orders, the long ones marked as slow."""
+    pairs = [(name, order) for name in names for order in orders]
+    return [pytest.param(*pair, marks=pytest.mark.slow) if pair in LONG else pair for pair in pairs]
+
 
 # made by a program of its own in NumPy and SymPy: Gauss collocation for the motion of p . y, S_3 and S_5 written out
 FIRST_STEPS: list[tuple[str, int, list[float]]] = [
@@ -175,11 +183,10 @@ def test_steps_are_those_of_an_independent_program(name: str, order: int, expect
 
 
 @pytest.mark.sample(3)
-@pytest.mark.parametrize("order", ORDERS)
-@pytest.mark.parametrize("name", ["momenta", "logarithmic", "Maxwell-Bloch", "plane", "species"])
+@pytest.mark.parametrize(
+    ("name", "order"), cases(["momenta", "logarithmic", "Maxwell-Bloch", "plane", "species"], ORDERS)
+)
 def test_orders(name: str, order: int) -> None:
-    if (name, order) in TOO_LONG:
-        pytest.skip("too long for native code, as known deficiencies say, and slow without")
     system, y, h = CASES[name]
     t = 16.0 * h
     true = exact(system, y, t)
@@ -202,12 +209,9 @@ def test_a_step_is_a_poisson_map(name: str, order: int) -> None:
 
 
 @pytest.mark.sample(4)
-@pytest.mark.parametrize("order", (2, 4, 6))
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(("name", "order"), cases(CASES, (2, 4, 6)))
 def test_a_step_is_symmetric_and_keeps_casimirs(name: str, order: int) -> None:
     system, y, h = CASES[name]
-    if (name, order) in TOO_LONG:
-        pytest.skip("too long for native code, as known deficiencies say, and slow without")
     there = end(system, order, y, 2.0 * h, compiled=True)
     assert end(system, order, there, -2.0 * h, compiled=True) == pytest.approx(y, rel=1e-15, abs=1e-15)
     casimirs = [np.array(system.structure.casimirs(lm.Vec.of(x))) for x in (there.tolist(), y)]
