@@ -54,6 +54,16 @@ class PieceOfBodies:
         self.a[first] = run.here[0, self.body[first]]
         self.kept = self.b == run.t_end[self.body] if self.marked else np.zeros(len(self.b), bool)
 
+    @classmethod
+    def of_step(cls, body: int, before: np.ndarray, after: np.ndarray, number: int, kept: bool) -> PieceOfBodies:
+        """One step of one body, which may have no length, from the rows where it begins and ends."""
+        piece = object.__new__(cls)
+        piece.out, piece.marked = np.stack([before, after])[:, :, None], 0
+        piece.column = piece.before = np.zeros(1, int)
+        piece.turn, piece.body, piece.number = np.ones(1, int), np.array([body]), np.array([number])
+        piece.a, piece.b, piece.kept = before[:1].copy(), after[:1].copy(), np.array([kept])
+        return piece
+
     def __len__(self) -> int:
         return len(self.turn)
 

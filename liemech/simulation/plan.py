@@ -11,12 +11,13 @@ from contextlib import contextmanager
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
-from ..errors import IntegrationInterrupted, InvalidInput, StepWarning, warn
+from ..errors import IncompatibleSystem, IntegrationInterrupted, InvalidInput, StepWarning, warn
 from ..formulas.classes.layouts import Layout, layout_of
 from ..formulas.classes.signatures import spelt
 from ..integrators.method import Method
 from ..systems.system import State, System, member
 from . import arguments
+from .between.jump import Jump
 from .checkpoint import Checkpoint
 from .compiled.execution import like
 from .compiled.prepared import Steps
@@ -134,6 +135,9 @@ class Plan:
             parameters = h, options.every, *digits, compiled, progress, options.workers
             self._steps = Steps(self.system, self.method, *parameters, breaks=options.breaks)  # type: ignore[misc]
         self.adaptive = not isinstance(self._steps, Steps)  # are they chosen by an error estimate?
+        self.jumps = any(isinstance(event, Jump) for event in self.events)  # does the state jump?
+        if self.jumps:
+            self._require_jumps()
         self._sites = self._of_sites()
         of_each = {*self.of_each} - (set() if self.adaptive else {"system", "method"})
         kinds_of_methods = {type(each_method) for each_method in each_of(self.method)}
@@ -141,6 +145,15 @@ class Plan:
         self._plain = not (  # is there nothing to do but to step, by one clock?
             of_each or self.events or self.fictive or self.recorder is not None or options.progress
         )
+
+    def _require_jumps(self) -> None:
+        """Raise IncompatibleSystem where the state cannot jump."""
+        why = "steps in fictive time" if self.fictive else "noise, which knows no state inside of a step"
+        if self.options.precision != "double":
+            why = "double-double numbers, for the times of events are found in doubles"
+        elif not (self.fictive or self._first_of("method").noisy):
+            return
+        raise IncompatibleSystem(f"integrate: {self._first_of('method')!r} with a Jump: there are no jumps under {why}")
 
     def _first_of(self, name: str) -> Any:
         """The value of an option for the first body, or for all."""
@@ -555,7 +568,7 @@ class Plan:
         if type(steps) is not int or steps < 1:
             steps = arguments.count(steps, "steps", 1)
         current: Any = carry
-        if type(current) is Carry and self._steps.owns(current.shape):
+        if type(current) is Carry and self._steps.owns(current.shape) and not self.jumps:
             return self._advanced(current, steps)
         current = carry_of(self, current, "step")
         if isinstance(current, SiteCarry):
@@ -637,6 +650,8 @@ class Plan:
         return export(self, path, start, inputs, target)
 
     def _one_length(self, what: str) -> None:
+        if self.jumps:
+            raise InvalidInput(f"Plan.{what} looks for no events, so that no Jump would be made; use plan.run")
         if self.adaptive:
             raise InvalidInput(f"Plan.{what} is for fixed steps; give the plan an h, no tolerances, and no time scale")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from inspect import ismethod
@@ -9,11 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InvalidType, warn
-from ...formulas.classes.layouts import NUMBER
+from ...errors import InvalidType, StepTooSmall, warn
+from ...formulas.classes.layouts import NUMBER, restricted
 from ...formulas.numbers.sizes import EPSILON
 from ...systems.lie_poisson import with_sites
-from .dense import execution_of, natively, observe
+from .. import arguments
+from .dense import execution_of, natively, observe, packed
+from .jump import Jump, left_behind, slope
 
 Event = Callable[[float, Any], float]
 """A function of time and state, which knows nothing of the body: what each has of its own, such as the energy at its
@@ -72,6 +75,12 @@ beyond eight times that of a straight line, which counts where looks are few suc
 PORTION = 2**16
 """Looks that are taken together."""
 
+ONE_TIME = 16.0 * EPSILON
+"""Times that differ by this part of them are one, for zeros are found to four units in the last place."""
+
+SIGN = 2.0**-1022
+"""The size of an event in its zero, where it has a sign."""
+
 Zero = tuple[int, float, int, np.ndarray]
 """In which step, when, of which event, and the numbers of the state then."""
 
@@ -88,16 +97,31 @@ class Watch:
         # by event, the number of zeros after which it ends the run; 0: it does not
         self.terminal = [int(getattr(event, "terminal", None) or 0) for event in events]
         self.ended: int | None = None  # the number of the event that has ended the run
+        self.jumps = [isinstance(event, Jump) for event in events]
+        self.since: Any = None  # of the look in which a jump was met the time where it began, and the values there
+        self.jumped: dict[int, float] = {}  # by event, the time of its last jump
 
     def meet(self, zeros: Iterable[Zero]) -> Zero | None:
-        """Keep zeros in the order in which the motion meets them, up to a terminal one."""
+        """Keep zeros in the order in which the motion meets them, up to a terminal one or a jump."""
         for zero in zeros:
             _, at, i, numbers = zero
             self.found[i].append((at, numbers))
             if self.before[i] + len(self.found[i]) == self.terminal[i]:
                 self.ended = i
                 return zero
+            if self.jumps[i]:
+                return zero
         return None
+
+    def side_of(self, i: int, value: float, at: float) -> float:
+        """The value of an event where another one jumps, with the sign that it had, if its zero there is still to come."""
+        since, old = self.since
+        known = old[i]
+        for t, _ in self.found[i]:
+            known = -known if min(since, at) <= t <= max(since, at) else known
+        kept = math.copysign(max(abs(value), SIGN), known)
+        here = abs(at - since) <= ONE_TIME * abs(at)
+        return kept if known != 0.0 and (here or value == 0.0 or crossed(self.events[i], kept, value)) else value
 
     def forget(self, t: float, sign: float, ended: bool) -> None:
         """Forget the zeros that were met after this time, to which the run was interrupted."""
@@ -214,7 +238,7 @@ class Events:
         self.fresh = {*self.each}
         layout, _ = run.view.seen(run.here[1:, :1].T)
         self.kernels = [
-            execution_of(observe, (event, layout, NUMBER), run.compiled_asked, silent=True)
+            execution_of(observe, (getattr(event, "when", event), layout, NUMBER), run.compiled_asked, silent=True)
             for event in (() if layout is None else events)
         ]
 
@@ -236,8 +260,8 @@ class Events:
     # ---------------------------------------------------------------- the steps of a piece
 
     def see(self, piece: Any) -> dict[int, Zero]:
-        """Look at some steps, which go on where the last ones ended: of bodies that a terminal event
-        ends, the step in which it does, the time, the event, and the numbers of the state.
+        """Look at some steps, which go on where the last ones ended: of bodies that a terminal event ends or
+        that jump, the step in which they do, the time, the event, and the numbers of the state.
 
         What an event raises has `step`, the number of the step before which all is well.
         """
@@ -316,7 +340,13 @@ class Events:
         of_each: dict[int, list[Zero]] = {}
         for zero in zeros:
             of_each.setdefault(int(piece.body[zero[0]]), []).append(zero)
-        hits |= {i: hit for i, met in of_each.items() if (hit := self.each[i].meet(met)) is not None}
+        for i, met in of_each.items():
+            hit = self.each[i].meet(met)
+            if hit is not None:
+                hits[i] = hit
+                within = (step == hit[0]) & ((b - hit[1]) * (b - a) >= 0.0)
+                look = int(np.flatnonzero(within)[0])
+                self.each[i].since = a.item(look), old[:, look].tolist()
         ends = np.append(starts[1:], len(step))
         for i, start, end, first in zip(bodies, starts.tolist(), ends.tolist(), bad.tolist()):
             watch = self.each[i]
@@ -396,6 +426,49 @@ class Events:
             if hits:
                 return hits[body]
         return None
+
+    # ---------------------------------------------------------------- jumps
+
+    def ends(self, body: int) -> bool:
+        """Whether the zero that a body has met last ends its run."""
+        return self.each[body].ended is not None
+
+    def jump(self, body: int, hit: Zero, end: float) -> np.ndarray:
+        """The numbers of the state behind a jump, where events have the signs that they have just after it.
+
+        hit : the zero.  end : the time of the end of the step.
+        Raises StepTooSmall where jumps accumulate.
+        """
+        _, at, k, numbers = hit
+        watch, run, event = self.each[body], self.run, self.events[k]
+        system, before = run.laws_of(body)[0], run.view.small(numbers)
+        try:
+            after = restricted(arguments.started(system, event.after(at, before), None, at), run.view.layout)
+            rates = [slope(event, system, at, state) for state in (before, after)]
+        except Exception as error:
+            raise run.refused(error, body, at, before) from error.__cause__
+        last, watch.jumped[k] = watch.jumped.get(k), at
+        why = left_behind(*rates)
+        if last is not None and abs(at - last) <= ONE_TIME * max(abs(at), abs(end)):
+            why = (
+                f"its last jumps are {abs(at - last):.1g} s apart, no more than the rounding of the time: they accumulate, "
+                f"as the bounces of a ball that comes to rest, after {len(watch.found[k])} of them. End the run before, by "
+                "a terminal event, or go on from run.last with a system that has the contact as a constraint"
+            )
+        if why is not None:
+            raise StepTooSmall(f"integrate: {name_of(event)} at t = {at:.10g}: {why}")
+        values = []
+        for i, other in enumerate(self.events):
+            old, new = (self._value(body, other, at, state) for state in (before, after))
+            near = 64.0 * max(abs(old), EPSILON * abs(rates[1]) * max(abs(at), abs(end)))
+            if i == k and abs(new) <= near:
+                new = math.copysign(max(abs(new), SIGN), rates[1] * run.sign[body])
+            elif i != k and new == old:
+                new = watch.side_of(i, new, at)
+            values.append(new)
+        watch.values = values
+        self.fresh.discard(body)
+        return packed(after)
 
     # ---------------------------------------------------------------- where steps are looked at
 

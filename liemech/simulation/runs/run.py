@@ -53,6 +53,7 @@ class Run(Course, Moving):
     as somebody asked; `failures` is what plain Python saw failing steps raise.
     jumps : times at which the velocity jumps, last ones first, of bodies that still have some before them.
     observers, quantities, events : what keeps samples, the first one, and more of the steps; functions of samples; zeros.
+    reach : trials of a body in which no jump of its state was met lately.
     view : how numbers are shown as states.
     """
 
@@ -85,6 +86,7 @@ class Run(Course, Moving):
             self.errors = {i: e for i, e in self.before.ended.items() if e is not None}
         self.recorded = plan.recorder is not None
         self.cuts: dict[int, int] = {}
+        self.struck: dict[int, IntegrationFailure] = {}  # by body, why it cannot go on behind a jump
         self.first = np.zeros(self.count)
         self.compiled = self.native = False
         self.quantities: Quantities | None = None
@@ -253,7 +255,7 @@ class Run(Course, Moving):
     arrived = 0
     running: Any = None  # bodies that run side by side, and their columns
     queue: Any = None  # bodies that wait
-    room, least, work, span = ROOM, TURNS, WORK, TURNS
+    room, least, work, span, reach = ROOM, TURNS, WORK, TURNS, LONGEST
 
     def piece(self) -> int | None:
         """Make some trials of as many bodies as run side by side; others wait until these are at their ends."""
@@ -277,7 +279,7 @@ class Run(Course, Moving):
         if native:
             # where rows are kept, those of longer pieces would not stay in the cache
             most = self.work * (1 if self.rows else 4) * workers // columns.shape[1]
-            turns = max(self.least, min(LONGEST, most))
+            turns = max(self.least, min(self.reach, most))
         if checkpoint is not None:
             turns = max(1, min(turns, checkpoint.within(turns * m) // m))
         since, taken = time.perf_counter(), columns[self._clock + TAKEN, :m].sum()
@@ -346,23 +348,83 @@ class Run(Course, Moving):
 
     def _see(self, piece: PieceOfBodies, bodies: np.ndarray, before: np.ndarray, columns: np.ndarray) -> None:
         """Let observers look at a piece."""
+        behind: list[tuple[int, list[PieceOfBodies]]] = []
+        self.reach = min(2 * self.reach, LONGEST)
         if self.events:
             remaining = np.full(len(piece), True)
-            for body, (k, at, event, numbers) in self.events.see(piece).items():
-                column = int(piece.column[k])
+            for body, hit in self.events.see(piece).items():
+                k, at, event, numbers = hit
+                column, end = int(piece.column[k]), piece.b.item(k)
                 of = piece.column == column
                 steps = int(of[: k + 1].sum())
                 turns = len(piece.out) - 1
                 columns[:, column] = self._again(body, before[:, column], turns, steps)
-                row = piece.out[piece.turn[k], :, column].copy()
-                self.end_at(row, piece.a.item(k), at, numbers)
-                piece.out[piece.turn[k], :, column] = row
-                piece.kept[k] |= at != piece.b[k]
-                piece.b[k], self.cuts[body] = at, event
-                self.cut(columns[self._clock :, column], at)
+                row = self._ended(piece, k, hit)
                 remaining &= ~of | (np.arange(len(piece)) <= k)
+                if self.events.ends(body):
+                    self.cuts[body] = event
+                    self.cut(columns[self._clock :, column], at)
+                    continue
+                self.reach = max(TURNS, min(self.reach, 2 * steps))
+                try:
+                    later = self._behind(body, columns[:, column], row, hit, end, int(piece.number[k]))
+                except BaseException as error:
+                    error.step = k  # type: ignore[attr-defined]
+                    raise
+                behind.append((column, later))
             piece.keep(remaining)
         self._commit(piece, bodies, columns)
+        for column, pieces in behind:
+            for later_piece in pieces:
+                self._commit(later_piece, bodies[[column]], columns[:, [column]])
+
+    def _ended(self, piece: PieceOfBodies, k: int, hit: Any) -> np.ndarray:
+        """The row of a step that an event ends inside, which the piece then has."""
+        _, at, event, numbers = hit
+        row = piece.out[piece.turn[k], :, piece.column[k]].copy()
+        self.end_at(row, piece.a.item(k), at, numbers)
+        piece.out[piece.turn[k], :, piece.column[k]] = row
+        piece.kept[k] |= at != piece.b[k] or not self.events.ends(int(piece.body[k]))
+        piece.b[k] = at
+        return row
+
+    def _behind(
+        self, body: int, column: np.ndarray, row: np.ndarray, hit: Any, end: float, number: int
+    ) -> list[PieceOfBodies]:
+        """The jump of a body and what it has left of the step in which it jumps, as pieces of a step each; its column goes
+        on from there.
+
+        row : where it jumps.  end, number : of the step.
+        """
+        pieces: list[PieceOfBodies] = []
+        try:
+            while hit is not None:
+                new = row.copy()
+                new[1:] = 0.0
+                numbers = self.events.jump(body, hit, end)
+                new[1 : 1 + len(numbers)] = numbers
+                pieces.append(PieceOfBodies.of_step(body, row, new, number, True))
+                later = self.rest_of_step(body, column, new, end)
+                hit = None
+                if later is not None:
+                    piece = PieceOfBodies.of_step(body, new, later, number, False)
+                    hit = self.events.see(piece).get(body)
+                    if hit is not None:
+                        row = self._ended(piece, 0, hit)
+                    pieces.append(piece)
+                if hit is not None and self.events.ends(body):
+                    self.cuts[body], hit = hit[2], None
+                    self.cut(column[self._clock :], row.item(0))
+        except IntegrationFailure as error:
+            self.struck[body] = error
+            column[self._clock + MARK] = STUCK
+        return pieces
+
+    def rest_of_step(self, body: int, column: np.ndarray, row: np.ndarray, end: float) -> np.ndarray | None:
+        """Let a column go on behind a jump, from a row of time and state; of fixed steps from the end of the step, of
+        which the row is returned, for jumps do not move the times at which steps end.
+        """
+        raise NotImplementedError
 
     def _again(self, body: int, column: np.ndarray, turns: int, steps: int) -> np.ndarray:
         """The column of a body after so many of these steps, once more."""
@@ -415,7 +477,7 @@ class Run(Course, Moving):
     def why(self, i: int) -> Any:
         """The error for which body i stopped, computed once."""
         if i not in self.errors:
-            self.errors[i] = self.error(i)
+            self.errors[i] = self.explained(self.struck[i], i, goes_on=False) if i in self.struck else self.error(i)
         return self.errors[i]
 
     def explained(self, error: Any, i: int, goes_on: bool = True) -> Any:

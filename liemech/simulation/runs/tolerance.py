@@ -245,6 +245,10 @@ class ToleranceRun(Run):
         super().cut(clock, at)
         go_on(clock, at)
 
+    def rest_of_step(self, body: int, column: np.ndarray, row: np.ndarray, end: float) -> None:
+        column[: self.lanes.state.width] = row[1 : len(self.here)]
+        go_on(column[self._clock :], row.item(0))
+
     # ---------------------------------------------------------------- what came of it
 
     def samples(self, i: int) -> tuple[np.ndarray, np.ndarray]:

@@ -188,6 +188,8 @@ class SitesOfPlan:
             return f"{next(iter(plan.of_each))} of each member"
         if members and checkpoint is not None:
             return "checkpoint of members"
+        if plan.jumps:
+            return "jumps of the state"
         if plan.adaptive:
             return None
         method = uncut(steps.way_of(0))
