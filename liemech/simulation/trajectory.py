@@ -333,7 +333,7 @@ class Trajectory:
         if self.bodies is not None and self.rejected is None and getattr(self, "tau", None) is None:
             return DenseOutputs(tuple([self._alone(i)._motion for i in range(self.bodies)]))
         system: Any = self.system
-        complete = self.bodies is None and not self.observed and len(self.t) == self.steps + 1 > 1
+        complete = self.bodies is None and not self.observed and len(self.t) > self.steps > 0  # more where the state jumps
         example = system._reached(**{name: x[0] for name, x in self.states.items()}) if complete else None
         of_sites = isinstance(example, StateOfSites) and all(
             self.states[name].shape[1:] == x.shape for name, x in example.arrays.items()
@@ -358,7 +358,9 @@ class Trajectory:
     def _alone(self, i: int) -> Trajectory:
         """The samples of body i of an ensemble with fixed steps, up to where it ended."""
         t = self.t if self.t.ndim == 1 else self.t[:, i]
-        steps = self.stopped[i].steps if i in self.stopped else int(np.count_nonzero(np.diff(t)))
+        steps = int(np.flatnonzero(np.diff(t, prepend=t[0]))[-1:].sum())  # later rows are repeated
+        if self.t.ndim == 1 and i in self.stopped:
+            steps = self.stopped[i].steps
         states = {name: x[: steps + 1, i] for name, x in self.states.items()}
         of_this_body = of_body(self.system, i), of_body(self.method, i), self.h if np.ndim(self.h) == 0 else self.h[i]
         return Trajectory(

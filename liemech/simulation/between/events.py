@@ -118,7 +118,7 @@ class Watch:
         since, old = self.since
         known = old[i]
         for t, _ in self.found[i]:
-            known = -known if min(since, at) <= t <= max(since, at) else known
+            known = -known if t != since and min(since, at) <= t <= max(since, at) else known
         kept = math.copysign(max(abs(value), SIGN), known)
         here = abs(at - since) <= ONE_TIME * abs(at)
         return kept if known != 0.0 and (here or value == 0.0 or crossed(self.events[i], kept, value)) else value
@@ -447,13 +447,14 @@ class Events:
             rates = [slope(event, system, at, state) for state in (before, after)]
         except Exception as error:
             raise run.refused(error, body, at, before) from error.__cause__
-        last, watch.jumped[k] = watch.jumped.get(k), at
+        last, watch.jumped[k] = watch.jumped.get(k, math.inf), at
+        came_back = rates[0] * run.sign[body] * watch.since[1][k] > 0.0  # the event grows away from its zero
         why = left_behind(*rates)
-        if last is not None and abs(at - last) <= ONE_TIME * max(abs(at), abs(end)):
+        if came_back or abs(at - last) <= ONE_TIME * max(abs(at), abs(end)):
             why = (
-                f"its last jumps are {abs(at - last):.1g} s apart, no more than the rounding of the time: they accumulate, "
-                f"as the bounces of a ball that comes to rest, after {len(watch.found[k])} of them. End the run before, by "
-                "a terminal event, or go on from run.last with a system that has the contact as a constraint"
+                f"after {len(watch.found[k])} jumps rounding decides on which side of the zero the motion is. They accumulate, as "
+                "the bounces of a ball that comes to rest: end the run before, by a terminal event, or go on from run.last with "
+                "a system that has the contact as a constraint"
             )
         if why is not None:
             raise StepTooSmall(f"integrate: {name_of(event)} at t = {at:.10g}: {why}")

@@ -1,0 +1,51 @@
+"""Impacts without friction, by Newton's law of restitution."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from ...errors import InvalidInput, require
+from ...formulas import derivative, dot, gradient, vec
+from ...formulas.classes.frozen import frozen
+from ...systems.cotangent import CotangentMotion
+from .jump import Jump, slope
+
+
+@frozen(eq=False)
+class Rebound:
+    """The state after an impact, a function of time and state; the fields are those of `impact`."""
+
+    system: Any
+    gap: Callable[[float, Any], float]
+    restitution: float
+
+    def __call__(self, t: float, state: Any) -> Any:
+        """mu+ = mu - (1 + e) (dphi/dt) w / <w, M^-1 w>, w = D_g phi."""
+        mu, g, group = state.mu, state.g, self.system.configurations
+        kind = type(state)
+        w = gradient(lambda x: self.gap(t, kind(mu, group.compose_exp(g, x))), vec(*[0.0] * group.dim))
+        mobility = dot(w, derivative(lambda m: self.system.rates(t, m, g)[0], mu, w))
+        if not mobility > 0.0:
+            raise InvalidInput(f"impact: gap(t, state) is a function of where the body is, state.g; its derivative is {w!r}")
+        closing = slope(self.gap, self.system, t, state)
+        return self.system.state(mu=mu - (1.0 + self.restitution) * closing / mobility * w, g=g)
+
+
+def impact(system: CotangentMotion, gap: Callable[[float, Any], float], restitution: float = 1.0) -> Jump:
+    """The jump of a body that meets a smooth wall: dphi/dt -> -e dphi/dt where phi = 0, by an impulse along w = D_g phi,
+
+        mu+ = mu - (1 + e) (dphi/dt) w / <w, M^-1 w>,      H+ - H = -(1 - e^2) (dphi/dt)^2 / (2 <w, M^-1 w>) for a wall at rest
+
+    so that momenta of symmetries of the wall are kept, and for e = 1 the energy.
+
+    system : a body in a field, MechanicalSystem.  gap : phi(t, state), in m, of state.g, zero at contact; the wall may move.
+    restitution : e, 0 < e <= 1.
+    Source: Brogliato, Nonsmooth Mechanics, 3rd ed. (2016), section 4.3; on Lie groups Tran and Leok, arXiv:2310.15356.
+    """
+    require("impact: system", system, CotangentMotion, "a body in a field, MechanicalSystem(body, NoPotential())")
+    if isinstance(restitution, bool) or not isinstance(restitution, (int, float)) or not 0.0 < restitution <= 1.0:
+        raise InvalidInput(
+            f"impact: restitution is a number 0 < e <= 1; got {restitution!r}. Contact that lasts, e = 0, is no jump"
+        )
+    return Jump(gap, Rebound(system, gap, float(restitution)))
