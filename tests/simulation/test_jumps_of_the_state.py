@@ -118,7 +118,9 @@ def test_bounces_that_accumulate_end_a_run(method: Any, options: Any) -> None:
     two = BALL.state([[1.0], [5.0]], [[0.0], [0.0]])
     with pytest.warns(RuntimeWarning, match="body 0"):
         run = lm.integrate(BALL, method, two, events=lm.Jump(height, soft), **to(1.5, options))
-    assert set(run.stopped) == {0} and run.last.p[1, 0] == pytest.approx(0.3 * np.sqrt(98.1) - 9.81 * (1.5 - np.sqrt(10.0 / 9.81)), rel=1e-12)
+    assert set(run.stopped) == {0} and run.last.p[1, 0] == pytest.approx(
+        0.3 * np.sqrt(98.1) - 9.81 * (1.5 - np.sqrt(10.0 / 9.81)), rel=1e-12
+    )
 
 
 def test_a_jump_that_stays_in_its_zero_is_refused() -> None:
@@ -135,7 +137,9 @@ def test_kicks_at_times_and_where_a_surface_is_crossed() -> None:
     run = lm.integrate(BALL, lm.StormerVerlet(), BALL.state([0.0], [3.0]), h=0.01, steps=60, events=[kick, brake])
     q = 3.0 * 0.305 - 0.5 * 9.81 * 0.305**2
     v = 5.0 - 9.81 * 0.305
-    assert run.events[0][0] == pytest.approx([0.305], rel=1e-15) and run.events[0][1].q[0, 0] == pytest.approx(q, rel=1e-13)
+    assert run.events[0][0] == pytest.approx([0.305], rel=1e-15) and run.events[0][1].q[0, 0] == pytest.approx(
+        q, rel=1e-13
+    )
     crossed = 0.305 + (v - np.sqrt(v * v - 2.0 * 9.81 * (0.5 - q))) / 9.81
     assert run.events[1][0][0] == pytest.approx(crossed, rel=1e-13)
     assert run.events[1][1].p[0, 0] == pytest.approx(v - 9.81 * (crossed - 0.305), rel=1e-13)
@@ -174,7 +178,9 @@ def test_a_corner_is_met_by_both_walls_at_once(method: Any, options: Any) -> Non
 
 # ------------------------------------------------------------------ impacts on SE(3)
 
-BRICK = lm.MechanicalSystem(lm.LiePoissonSystem(lm.SE3(), lm.KineticEnergy(BODY_AXES)), lm.models.UniformGravity(3.0, [0, 0, 0]))
+BRICK = lm.MechanicalSystem(
+    lm.LiePoissonSystem(lm.SE3(), lm.KineticEnergy(BODY_AXES)), lm.models.UniformGravity(3.0, [0, 0, 0])
+)
 CORNER = lm.vec(0.3, -0.2, -0.4)
 
 
@@ -236,7 +242,8 @@ def test_a_ball_that_grips_reverses_the_velocity_of_its_contact() -> None:
     """
     m, r, inertia = 1.5, 0.1, 0.4 * 1.5 * 0.1**2
     ball = lm.MechanicalSystem(
-        lm.LiePoissonSystem(lm.SE3(), lm.KineticEnergy([inertia] * 3 + [m] * 3)), lm.models.UniformGravity(m * 9.81, [0, 0, 0])
+        lm.LiePoissonSystem(lm.SE3(), lm.KineticEnergy([inertia] * 3 + [m] * 3)),
+        lm.models.UniformGravity(m * 9.81, [0, 0, 0]),
     )
 
     def grips(t: float, state: Any) -> Any:
@@ -311,7 +318,11 @@ def test_what_is_no_jump_is_refused() -> None:
     with pytest.raises(lm.errors.InvalidType, match="a body in a field"):
         lm.impact(BALL, height)
     plan = lm.Plan(BALL, lm.StormerVerlet(), h=0.1, events=BOUNCE)
-    for call in (lambda: plan.begin(start), lambda: plan.step(plan.run(start, steps=1).carry), lambda: plan.stepper(start)):
+    for call in (
+        lambda: plan.begin(start),
+        lambda: plan.step(plan.run(start, steps=1).carry),
+        lambda: plan.stepper(start),
+    ):
         with pytest.raises(lm.errors.InvalidInput, match="no Jump would be made"):
             call()
     with pytest.raises(lm.errors.InvalidInput, match="events"):

@@ -116,12 +116,12 @@ class Watch:
     def side_of(self, i: int, value: float, at: float) -> float:
         """The value of an event where another one jumps, with the sign that it had, if its zero there is still to come."""
         since, old = self.since
-        known = old[i]
+        side = old[i]
         for t, _ in self.found[i]:
-            known = -known if t != since and min(since, at) <= t <= max(since, at) else known
-        kept = math.copysign(max(abs(value), SIGN), known)
-        here = abs(at - since) <= ONE_TIME * abs(at)
-        return kept if known != 0.0 and (here or value == 0.0 or crossed(self.events[i], kept, value)) else value
+            side = -side if t != since and min(since, at) <= t <= max(since, at) else side
+        before = math.copysign(max(abs(value), SIGN), side)
+        at_once = abs(at - since) <= ONE_TIME * abs(at)
+        return before if side != 0.0 and (at_once or value == 0.0 or crossed(self.events[i], before, value)) else value
 
     def forget(self, t: float, sign: float, ended: bool) -> None:
         """Forget the zeros that were met after this time, to which the run was interrupted."""

@@ -27,17 +27,19 @@ class Rebound:
         w = gradient(lambda x: self.gap(t, kind(mu, group.compose_exp(g, x))), vec(*[0.0] * group.dim))
         mobility = dot(w, derivative(lambda m: self.system.rates(t, m, g)[0], mu, w))
         if not mobility > 0.0:
-            raise InvalidInput(f"impact: gap(t, state) is a function of where the body is, state.g; its derivative is {w!r}")
+            raise InvalidInput(
+                f"impact: gap(t, state) is a function of where the body is, state.g; its derivative is {w!r}"
+            )
         closing = slope(self.gap, self.system, t, state)
         return self.system.state(mu=mu - (1.0 + self.restitution) * closing / mobility * w, g=g)
 
 
 def impact(system: CotangentMotion, gap: Callable[[float, Any], float], restitution: float = 1.0) -> Jump:
-    """The jump of a body that meets a smooth wall: dphi/dt -> -e dphi/dt where phi = 0, by an impulse along w = D_g phi,
+    """The jump of a body that meets a smooth wall, phi = 0: dphi/dt -> -e dphi/dt, by an impulse along w = D_g phi.
 
         mu+ = mu - (1 + e) (dphi/dt) w / <w, M^-1 w>,      H+ - H = -(1 - e^2) (dphi/dt)^2 / (2 <w, M^-1 w>) for a wall at rest
 
-    so that momenta of symmetries of the wall are kept, and for e = 1 the energy.
+    It keeps the momenta of symmetries of the wall, and for e = 1 the energy.
 
     system : a body in a field, MechanicalSystem.  gap : phi(t, state), in m, of state.g, zero at contact; the wall may move.
     restitution : e, 0 < e <= 1.

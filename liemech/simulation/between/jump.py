@@ -41,7 +41,7 @@ class Jump:
         return self.when(t, state)
 
     def __getattr__(self, name: str) -> Any:
-        """What the event says of its zeros: `direction`, `terminal`, `jumps_by`, and its name."""
+        """The attributes of the event: its `direction`, `terminal`, `jumps_by`, and its name."""
         if name in ("direction", "terminal", "jumps_by", "__qualname__"):
             return getattr(self.when, name)
         raise AttributeError(name)

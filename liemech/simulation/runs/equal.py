@@ -272,8 +272,8 @@ class EqualRun(Run):
     def rest_of_step(self, body: int, column: np.ndarray, row: np.ndarray, end: float) -> np.ndarray | None:
         at, later = row.item(0), row
         if at != end:
-            given = np.concatenate([row[None, 1:], [[at, end - at]]], axis=1)
-            later = np.append(end, self.moved(given, np.array([end]), np.array([body]))[0])
+            start = np.concatenate([row[None, 1:], [[at, end - at]]], axis=1)
+            later = np.append(end, self.moved(start, np.array([end]), np.array([body]))[0])
         state = fitted(build(self.lanes.state, iter(later[1:].tolist())), self.shape.started)
         carry, _ = begun(self.way.way_of(body), self.way.system_of(body), state, self.h.item(body))
         column[: self.lanes.layout.width] = leaves(fitted(carry, self.lanes.layout), self.lanes.layout)

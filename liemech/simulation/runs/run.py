@@ -353,7 +353,7 @@ class Run(Course, Moving):
         if self.events:
             remaining = np.full(len(piece), True)
             for body, hit in self.events.see(piece).items():
-                k, at, event, numbers = hit
+                k, at, event, _ = hit
                 column, end = int(piece.column[k]), piece.b.item(k)
                 of = piece.column == column
                 steps = int(of[: k + 1].sum())
@@ -380,7 +380,7 @@ class Run(Course, Moving):
 
     def _ended(self, piece: PieceOfBodies, k: int, hit: Any) -> np.ndarray:
         """The row of a step that an event ends inside, which the piece then has."""
-        _, at, event, numbers = hit
+        _, at, _, numbers = hit
         row = piece.out[piece.turn[k], :, piece.column[k]].copy()
         self.end_at(row, piece.a.item(k), at, numbers)
         piece.out[piece.turn[k], :, piece.column[k]] = row
