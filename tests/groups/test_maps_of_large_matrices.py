@@ -116,3 +116,11 @@ def test_a_group_of_many_generators_is_found_in_seconds() -> None:
     assert np.allclose(group.invariants.forms[0], np.eye(13))
     g = lm.SO(13).random(1)
     assert group.contains(g) and not group.contains(1.001 * g)
+
+
+@pytest.mark.parametrize("name", ["SU(12)**2", "SU(12)*SU(3)", "SU(12) and its momenta"])
+def test_elements_in_memory_are_not_written_out(name: str) -> None:
+    large = lm.SU(12)
+    with pytest.raises(lm.errors.IncompatibleSystem, match="matrices with 12 rows lie in memory"):
+        group = lm.SemidirectProduct(large, lm.actions.CoadjointAction(large)) if "momenta" in name else large * lm.SU(3)
+        (large**2 if "**" in name else group).identity()

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...errors import InvalidInput, require
+from ...errors import IncompatibleSystem, InvalidInput, require
 from ...formulas import Ambient, Complex, Element, Mat, Vec, mat, real_array, record, vec, vectors
+from ...formulas.large import Large
 from ...formulas.vectors import small
 from ..lie_group import LieGroup
 from .parts import AlgebraOfParts, GroupOfParts
@@ -264,8 +265,14 @@ def joined(parts: list[Vec]) -> Vec:
 
 def entries(g: Any) -> list[Any]:
     """The real numbers of an element: matrices row by row, complex entries as real and imaginary
-    part.
+    part.  Raises IncompatibleSystem for a matrix in memory.
     """
+    if isinstance(g, Large):
+        rows = len(g)
+        raise IncompatibleSystem(
+            f"products, powers and semidirect products write the elements of their factors out, number by number, and "
+            f"matrices with {rows} rows lie in memory: take smaller ones"
+        )
     numbers = [x for row in g for x in row] if isinstance(g, vectors.Mat) else [*g]
     if len(numbers) > 0 and isinstance(numbers[0], Complex):
         return [part for x in numbers for part in (x.re, x.im)]
