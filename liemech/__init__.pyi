@@ -158,6 +158,7 @@ from .rooms.sites.terms.terms import PerSite as PerSite
 from .rooms.sites.terms.terms import Term as Term
 from .rooms.sites.terms.terms import Terms as Terms
 from .rooms.stability.lyapunov import lyapunov as lyapunov
+from .rooms.stability.modified_energy import modified_energy as modified_energy
 from .rooms.stability.relative_equilibrium import relative_equilibrium as relative_equilibrium
 from .simulation.between.impact import impact as impact
 from .simulation.between.jump import Jump as Jump

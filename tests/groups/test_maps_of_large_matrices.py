@@ -122,5 +122,7 @@ def test_a_group_of_many_generators_is_found_in_seconds() -> None:
 def test_elements_in_memory_are_not_written_out(name: str) -> None:
     large = lm.SU(12)
     with pytest.raises(lm.errors.IncompatibleSystem, match="matrices with 12 rows lie in memory"):
-        group = lm.SemidirectProduct(large, lm.actions.CoadjointAction(large)) if "momenta" in name else large * lm.SU(3)
+        group = (
+            lm.SemidirectProduct(large, lm.actions.CoadjointAction(large)) if "momenta" in name else large * lm.SU(3)
+        )
         (large**2 if "**" in name else group).identity()
