@@ -74,8 +74,9 @@ def integrate(
     make several.  Where a PiecewisePolynomial in a field of the system jumps is known.
     events : functions of t and state whose zeros are looked for; their attributes `terminal` (True:
     the first zero ends the run; 3: the third one) and `direction` (+1 only rising, -1 only falling
-    zeros) mean what they do in SciPy.  Of an ensemble run.events[k][i] is what body i has met.  Of
-    many sites one whose second argument is called `total` is of the totals that `record` names.
+    zeros) mean what they do in SciPy; at those of a `Jump` the state jumps.  Of an ensemble
+    run.events[k][i] is what body i has met.  Of many sites one whose second argument is called
+    `total` is of the totals that `record` names.
     compiled : True for native code, False for plain Python, None for native code as soon as it is
     there or pays; same bits.
     progress : True or False; None shows a bar when a run takes longer than a second.

@@ -333,9 +333,8 @@ class Trajectory:
         if self.bodies is not None and self.rejected is None and getattr(self, "tau", None) is None:
             return DenseOutputs(tuple([self._alone(i)._motion for i in range(self.bodies)]))
         system: Any = self.system
-        complete = (
-            self.bodies is None and not self.observed and len(self.t) > self.steps > 0
-        )  # more where the state jumps
+        # where the state jumps there are more samples
+        complete = self.bodies is None and not self.observed and len(self.t) > self.steps > 0
         example = system._reached(**{name: x[0] for name, x in self.states.items()}) if complete else None
         of_sites = isinstance(example, StateOfSites) and all(
             self.states[name].shape[1:] == x.shape for name, x in example.arrays.items()

@@ -145,6 +145,28 @@ def test_kicks_at_times_and_where_a_surface_is_crossed() -> None:
     assert run.events[1][1].p[0, 0] == pytest.approx(v - 9.81 * (crossed - 0.305), rel=1e-13)
 
 
+@pytest.mark.parametrize("method, options", METHODS)
+def test_a_run_backwards_undoes_the_bounces(method: Any, options: Any) -> None:
+    there = lm.integrate(BALL, method, BALL.state([1.0], [0.0]), events=BOUNCE, **to(2.0, options))
+    undo = lm.Jump(height, lambda t, state: BALL.state(q=state.q, p=-state.p / E))
+    back_to = {"h": -options["h"], "steps": 200} if "h" in options else options | {"t_end": 0.0}
+    back = lm.integrate(BALL, method, there.last, t0=2.0, events=undo, **back_to)
+    assert back.last.q[0] == pytest.approx(1.0, abs=1e-11) and abs(back.last.p[0]) < 1e-11
+    assert back.events[0][0] == pytest.approx(bounces(1.0, 3)[::-1], rel=1e-11)
+
+
+def test_on_a_constraint_a_wall_throws_back() -> None:
+    """A spherical pendulum in the plane x = 0, to which its speed is normal."""
+    pendulum = lm.SphericalPendulum(mass=1.0, length=1.0)
+    wall = lm.Jump(lambda t, s: s.q[0], lambda t, s: pendulum.state(q=s.q, p=-s.p))
+    run = lm.integrate(
+        pendulum, lm.RATTLE(), pendulum.consistent([0.6, 0.0, -0.8], [0.0, 0.0, 0.0]), h=0.01, steps=400, events=wall
+    )
+    times = run.events[0][0]
+    assert len(times) == 4 and np.diff(times) == pytest.approx(2.0 * times[0] * np.ones(3), rel=1e-4)
+    assert run.q[:, 0].min() > -1e-12 and abs(run.energy - run.energy[0]).max() < 1e-3
+
+
 @lm.record
 class Billiard(lm.SeparableSystem):
     """A point without forces in the plane."""

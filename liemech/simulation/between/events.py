@@ -344,6 +344,7 @@ class Events:
             hit = self.each[i].meet(met)
             if hit is not None:
                 hits[i] = hit
+            if hit is not None and self.each[i].jumps[hit[2]]:
                 within = (step == hit[0]) & ((b - hit[1]) * (b - a) >= 0.0)
                 look = int(np.flatnonzero(within)[0])
                 self.each[i].since = a.item(look), old[:, look].tolist()

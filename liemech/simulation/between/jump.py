@@ -20,7 +20,8 @@ LEAST = 2.0**-40
 class Jump:
     """A jump of the state at the zeros of a function: y+ = then(t, y-) where when(t, y-) = 0.  The motion goes on from y+.
 
-    when : the event, a function of time and state; its `direction` says which zeros count.
+    when : the event, a function of time and state; its `direction` says which zeros count, and `terminal` at which one the run
+    ends, without a jump.
     then : a function of time and state that returns a state, `system.state(...)`.
 
     `run.events` has the times and the states y-, and the samples both sides.  After a jump the event has the sign of its
