@@ -215,6 +215,7 @@ def thrown() -> Any:
     return BRICK.state(mu=[0.3, -0.5, 0.4, 0.8, 0.2, -0.3], g=np.eye(4))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("restitution, t_end", [(1.0, 4.0), (0.6, 3.0)])
 def test_an_impact_keeps_what_the_plane_keeps(restitution: float, t_end: float) -> None:
     """Momenta along the plane and about its normal; energy, for e = 1, else it falls by Newton's law."""
@@ -233,6 +234,7 @@ def test_an_impact_keeps_what_the_plane_keeps(restitution: float, t_end: float) 
     assert run.energy[before] - run.energy[after] == pytest.approx(lost, abs=1e-14)
 
 
+@pytest.mark.slow
 def test_a_corner_that_comes_to_rest_does_not_sink() -> None:
     """Where rounding decides, an impact would turn the corner into the floor."""
     with pytest.raises(lm.errors.StepTooSmall, match="accumulate") as stopped:
@@ -245,6 +247,7 @@ def corner_heights(run: Any) -> np.ndarray:
     return run.g[:, 2, :3] @ np.array(CORNER) + run.g[:, 2, 3] + 1.0
 
 
+@pytest.mark.slow
 def test_times_of_impacts_have_the_order_of_the_method() -> None:
     """A free brick with spin: the second impact, whose time depends on the first, by steps of order 2."""
     bounce = lm.impact(BRICK, corner)
