@@ -40,7 +40,7 @@ def parameter(system: Any, name: str, caller: str = "Plan.tangent") -> Any:
 
 
 def made_with(system: Record) -> dict[str, Any]:
-    """What a record is made with, by name; without a Lagrangian for which the Hamiltonian stands in."""
+    """The arguments of a record by name, without a Lagrangian for which the Hamiltonian stands in."""
     values = {name: getattr(system, name) for name in named(type(system))}
     if isinstance(system, LiePoissonSystem) and system.lagrangian == system.hamiltonian:
         values.pop("lagrangian", None)
