@@ -325,8 +325,6 @@ def test_energies_that_change_with_time(order: int) -> None:
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("name", ["momenta", "species", "logarithmic", "particle"])
 def test_native_code_has_the_bits(name: str, order: int) -> None:
-    if (name, order) in TOO_LONG:
-        pytest.skip("too long for native code, as known deficiencies say")
     system, y, h = CASES[name]
     few = 1 if order > 4 else 3
     assert np.array_equal(end(system, order, y, h, few, compiled=True), end(system, order, y, h, few, compiled=False))
