@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import field
 from functools import cached_property
-from numbers import Real
 from typing import Any, ClassVar
 
 import numpy as np
@@ -298,7 +297,8 @@ def thermal_bath(system: LiePoissonSystem, damping: float, temperature: float, s
     Source: Brown, Thermal fluctuations of a single-domain particle, Phys. Rev. 130 (1963), for spins; Arnaudon,
     De Castro, Holm, Noise and dissipation on coadjoint orbits, J. Nonlinear Sci. 28 (2018), section 4.
     """
-    if np.ndim(temperature) or not isinstance(temperature, (Real, np.ndarray)) or not 0.0 <= temperature < np.inf:
+    number = np.asarray(temperature)
+    if number.ndim or number.dtype.kind not in "iuf" or not 0.0 <= number < np.inf:
         raise InvalidInput(
             f"thermal_bath: temperature is a finite number, not negative; got {temperature!r}. Bodies with temperatures of "
             "their own are a list of baths"

@@ -27,7 +27,7 @@ def parameter(system: Any, name: str, caller: str = "Plan.tangent") -> Any:
     caller : who asks, for messages.
     """
     for part in name.split("."):
-        fields = made_with(system) if isinstance(system, Record) else {}
+        fields = arguments_of(system) if isinstance(system, Record) else {}
         if part in fields:
             system = fields[part]
         elif type(system) in (tuple, list) and part.isdigit() and int(part) < len(system):
@@ -39,10 +39,10 @@ def parameter(system: Any, name: str, caller: str = "Plan.tangent") -> Any:
     return system
 
 
-def made_with(system: Record) -> dict[str, Any]:
-    """The arguments of a record by name, without a Lagrangian for which the Hamiltonian stands in."""
+def arguments_of(system: Record) -> dict[str, Any]:
+    """The arguments that make a record, by name; without a Lagrangian for which the Hamiltonian stands in."""
     values = {name: getattr(system, name) for name in named(type(system))}
-    if isinstance(system, LiePoissonSystem) and system.lagrangian == system.hamiltonian:
+    if isinstance(system, LiePoissonSystem) and values.get("lagrangian") == values.get("hamiltonian"):
         values.pop("lagrangian", None)
     return values
 
@@ -54,7 +54,7 @@ def with_parameter(system: Any, name: str, value: Any) -> Any:
         others = [*system]
         others[int(first)] = with_parameter(others[int(first)], inner, value) if inner else value
         return type(system)(others)
-    fields = made_with(system)
+    fields = arguments_of(system)
     fields[first] = with_parameter(fields[first], inner, value) if inner else value
     return type(system)(**fields)
 
@@ -62,7 +62,7 @@ def with_parameter(system: Any, name: str, value: Any) -> Any:
 def parameters(system: Any, before: str = "") -> Iterator[str]:
     """The names of all parameters that have numbers, of a system and of the records in it."""
     if isinstance(system, Record):
-        inner = [*made_with(system).items()]
+        inner = [*arguments_of(system).items()]
     else:
         inner = [(str(i), x) for i, x in enumerate(system)]
     for name, value in inner:
