@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType, NotDefined, undefined
 from ..formulas import Mat, Record, Vec, atan2, cross, dot, jacobian, mat, record, sqrt, transpose, vec
-from ..formulas.classes.derived import derived
+from ..formulas.classes.derived import derived, derived_from
 from ..formulas.classes.records import with_fields
 from ..groups.lie_group import LieGroup
 from ..groups.rigid.se3 import SE3, join
@@ -135,9 +135,10 @@ class Joint(Record):
             raise NotDefined(f"{type(self).__name__} must define `motions`: rates of rotation vectors are none")
         return by_poses(lambda p, q: self.coordinates(p, q), g, k)
 
+    @derived_from("coordinates")
     def relative(self, q: Vec) -> Mat:
         """The pose of the first body, seen from the second, at these coordinates.  q : (freedoms,)."""
-        raise NotDefined(f"{type(self).__name__} has no coordinates")
+        raise NotDefined(f"{type(self).__name__} must define `relative`, the pose at its coordinates")
 
     def slopes(self, q: Vec, slope: Vec) -> Vec:
         """The derivative of a function of the coordinates along `motions`, from that by the coordinates: along

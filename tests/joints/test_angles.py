@@ -257,6 +257,28 @@ def test_a_joint_moves_by_its_own_conditions_and_not_by_derivatives_of_those_of_
     assert np.allclose(run.joint("s").angle, exact, rtol=0.0, atol=1e-12)
 
 
+@lm.record
+class InDegrees(RevoluteJoint):
+    """A hinge whose coordinate is in degrees."""
+
+    turns: ClassVar[Any] = False
+
+    def coordinates(self, g: Any, k: Any) -> Vec:
+        return 180.0 / np.pi * super().coordinates(g, k)
+
+
+def test_rates_and_poses_follow_from_coordinates_that_are_written_anew():
+    body = alone(InDegrees(0, None, O, O, Z, Z, name="w"))
+    run = lm.integrate(
+        body, lm.LieRATTLE(), body.state(xi=[0.0, 0.0, 1.0, 0.0, 0.0, 0.0], g=np.eye(4).ravel()), h=0.01, steps=4,
+        compiled=False, progress=False,
+    )  # fmt: skip
+    assert run.joint("w").rate == pytest.approx(np.full(5, 180.0 / np.pi), rel=1e-12)
+    assert run.joint("w").angle == pytest.approx(180.0 / np.pi * run.t, rel=1e-12)
+    with pytest.raises(errors.NotDefined, match="InDegrees must define `relative`"):
+        body.state(angles={"w": 30.0})
+
+
 def test_a_potential_whose_effort_asks_for_more_than_the_place_is_refused():
     """It was asked for its effort at t = 0 and at rest."""
 

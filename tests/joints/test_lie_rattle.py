@@ -389,3 +389,30 @@ def test_a_million_steps_on_the_constraint():
     long = lm.integrate(body, lm.LieRATTLE(), start, h=0.05, steps=1_000_000, every=1000, compiled=True, progress=False)
     assert off(body, long) < 1e-14
     assert long.drift()["energy"].verdict == "bounded"
+
+
+@lm.record
+class OfTheSecond(lm.Constraint):
+    """The second of two turning bodies keeps its first axis across e3."""
+
+    def value(self, g):
+        return lm.vec(g[9 + 6])
+
+
+@lm.record
+class SaysWhich(OfTheSecond):
+    """It says which of both it is about, and nothing else."""
+
+    def touches(self, group, conditions):
+        return ((1,),) * conditions
+
+
+def test_a_condition_that_says_which_factors_it_touches_has_the_rows_of_these():
+    two, g = lm.ProductGroup(lm.SO3(), lm.SO3()), np.tile(np.eye(3).ravel(), 2)
+    free = lm.LiePoissonSystem(two, lm.KineticEnergy([1.0, 1.5, 2.0, 1.0, 1.2, 2.0]))
+    ends = []
+    for constraint in OfTheSecond(), SaysWhich():
+        body = lm.ConstrainedBody(free, constraint)
+        start = body.consistent([0.3, 0.5, 0.2, 0.4, 0.5, 0.6], g)
+        ends.append(lm.integrate(body, lm.LieRATTLE(), start, h=0.02, steps=5, compiled=False).mu[-1])
+    assert np.array_equal(*ends)

@@ -68,8 +68,10 @@ class Constraint(Record):
         return (tuple(range(len(factors_of(group)))),) * conditions
 
     def rows(self, group: LieGroup, g: Element) -> Rows:
-        """G(g) by rows and factors, as `touches` says; of all factors by default."""
-        return tuple([parts_of(group, row) for row in self.jacobian(group, g)])
+        """G(g) by rows and factors, as `touches` says."""
+        G = self.jacobian(group, g)
+        factors = self.touches(group, len(G))
+        return tuple([tuple([parts_of(group, row)[b] for b in of_row]) for row, of_row in zip(G, factors)])
 
 
 @record
