@@ -407,6 +407,23 @@ class SaysWhich(OfTheSecond):
         return ((1,),) * conditions
 
 
+@lm.record
+class OfTheFirst(SaysWhich):
+    """Another condition, of the first body: what its base touches is not what it touches."""
+
+    def value(self, g):
+        return lm.vec(g[6])
+
+
+def test_what_another_condition_touches_is_not_what_that_of_its_base_does():
+    two, constraint = lm.ProductGroup(lm.SO3(), lm.SO3()), OfTheFirst()
+    free = lm.LiePoissonSystem(two, lm.KineticEnergy([1.0, 1.5, 2.0, 1.0, 1.2, 2.0]))
+    body = lm.ConstrainedBody(free, constraint)
+    start = body.consistent([0.3, 0.5, 0.2, 0.4, 0.5, 0.6], np.tile(np.eye(3).ravel(), 2))
+    run = lm.integrate(body, lm.LieRATTLE(), start, h=0.02, steps=5, compiled=False)
+    assert np.abs(run.g[:, 6]).max() < 1e-15 and np.abs(run.g[-1, 15]) > 1e-3
+
+
 def test_a_condition_that_says_which_factors_it_touches_has_the_rows_of_these():
     two, g = lm.ProductGroup(lm.SO3(), lm.SO3()), np.tile(np.eye(3).ravel(), 2)
     free = lm.LiePoissonSystem(two, lm.KineticEnergy([1.0, 1.5, 2.0, 1.0, 1.2, 2.0]))

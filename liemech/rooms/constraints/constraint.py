@@ -8,7 +8,7 @@ from typing import Any
 
 from ...errors import NotDefined, undefined
 from ...formulas import Element, Mat, Record, Vec, jacobian, record, vec
-from ...formulas.classes.derived import derived
+from ...formulas.classes.derived import derived, derived_from
 from ...groups.composed.product import ProductGroup
 from ...groups.lie_group import LieGroup
 
@@ -61,12 +61,14 @@ class Constraint(Record):
         """1/A of each condition whose rate gains lam/A by its multiplier; none by default."""
         return ()
 
+    @derived_from("value", "matrix")
     def touches(self, group: LieGroup, conditions: int) -> tuple[tuple[int, ...], ...]:
         """The factors of the group that each condition depends on, by their numbers; all by
         default.
         """
         return (tuple(range(len(factors_of(group)))),) * conditions
 
+    @derived
     def rows(self, group: LieGroup, g: Element) -> Rows:
         """G(g) by rows and factors, as `touches` says."""
         G = self.jacobian(group, g)
