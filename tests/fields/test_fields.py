@@ -7,7 +7,9 @@ import liemech as lm
 from liemech.checks.forms_of_sites import FormsOfSites
 from liemech.checks.method_claims import MethodTrial
 from liemech.errors import InvalidInput, InvalidType
+from liemech.rooms.fields.cell import Cell
 from liemech.rooms.fields.in_cells import FieldInCells
+from liemech.rooms.sites.terms.terms import Site
 
 CAYLEY = lm.Cayley()
 LIE = lm.LieVerlet(CAYLEY)
@@ -278,6 +280,20 @@ def test_currents_on_other_groups(group):
     run = lm.integrate(field, lm.LieVerlet(), start, h=0.05, steps=4, compiled=False)
     assert field.balance(run)["momentum of nodes"].verdict == "exact"
     assert np.abs(field.currents(run.g)).max() > 0.1
+
+
+@pytest.mark.parametrize("tau", [lm.Exponential(), CAYLEY], ids=repr)
+@pytest.mark.parametrize("group", [lm.SO3(), lm.SE2(), lm.SE3(), LINE], ids=repr)
+def test_forces_and_stiffnesses_of_cells_are_those_of_the_energy(group, tau):
+    rng, dim = np.random.default_rng(8), group.dim
+    cell = Cell(group, lm.StrainEnergy(np.diag(rng.uniform(1.0, 2.0, dim)) + 0.1, rng.normal(size=dim)), 0.7, tau)
+    g = [lm.formulas.vectors.small(np.asarray(group.exp(0.7 * rng.normal(size=dim)))) for _ in "ab"]
+    ends = [Site(g=x) for x in g]
+    for ours, derived in (
+        (cell.forces(group, *ends), [lm.Term.force(cell, group, k, *ends) for k in range(2)]),
+        (cell.stiffnesses(group, *ends), lm.Term.stiffnesses(cell, group, *ends)),
+    ):
+        np.testing.assert_allclose(np.array(ours), np.array(derived), rtol=1e-10, atol=1e-12)
 
 
 @lm.record

@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 
 from ...errors import InvalidInput, require
-from ...formulas import Mat, Vec, check_finite, dot, mat, real_array, record, vec
+from ...formulas import Mat, Vec, check_finite, dot, real_array, record, vec
 from ...formulas.classes.derived import closed_form_of
 from ...formulas.classes.of_each import Each, each
 from ...groups.retractions import Exponential, Retraction
 from ...groups.rigid.se3 import SE3, join
-from ...integrators.variational import with_inertia
 from ...rooms.fields.cell import CellTerm
 from ...rooms.fields.density import FieldDensity, StrainEnergy
 from ...rooms.fields.in_cells import FieldInCells
@@ -73,22 +72,9 @@ class RodStrain(CellTerm):
         """m = K (u - u_0), moment and force in the element."""
         return times(self.stiffness, eta - self.rest)
 
-    def stiffnesses(self, group: Any, *sites: Any) -> tuple[tuple[Mat, ...], ...]:
-        """With x' = dtau^-1_x eta_b - dtau^-1_-x eta_a and n = (dtau^-1_x)* m, so that (dtau_x)* n = m,
-        n' = (dtau^-1_x)* (K/l x' - ((dtau_x)* n)' at fixed n).
-        """
-        tau, x = self.retraction, self.displacement(*sites)
-        m, rigidity = self.stress((1.0 / self.length) * x), (1.0 / self.length) * self.stiffness
-        by_ends: list[Any] = []
-        for y, sign in ((x, -1.0), (-x, 1.0)):
-            by_end = mat(*[tau.dtau_inv(group, y, unit) for unit in UNITS])  # its transpose
-            _, weight, slope = tau.residual(group, -y, m, tau.dtau_inv_dual(group, y, m))
-            by_ends = [*by_ends, (by_end, by_end @ with_inertia((sign / weight) * slope, rigidity))]
-        (b, on_b), (a, on_a) = by_ends
-        return (on_a @ a.T, -(on_a @ b.T)), (-(on_b @ a.T), on_b @ b.T)
-
-
-UNITS = tuple([vec(*[1.0 if i == k else 0.0 for i in range(6)]) for k in range(6)])
+    def moduli(self, eta: Vec) -> Mat | Vec:
+        """The stiffness K of the element, a matrix or its diagonal."""
+        return self.stiffness
 
 
 @record

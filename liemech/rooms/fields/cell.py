@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ...formulas import Vec, record
+from ...formulas import Mat, Vec, identity_matrix, mat, record, vectors
 from ...groups.lie_group import LieGroup
 from ...groups.retractions import Exponential, Retraction
+from ...integrators.variational import with_inertia
 from ...systems.lagrangian import Lagrangian
 from ..sites.terms.terms import Term
 
@@ -16,7 +17,7 @@ class CellTerm(Term):
     """The energy of a cell of length l between two nodes, W = l Phi(x/l), x = tau^-1(g_a^-1 g_b); abstract.
 
     A subclass has the group as `on`, `stored_energy`, `length` and `retraction`, as fields or properties, or
-    writes `stored` and `stress` itself.  The forces on the ends are m = dPhi/deta carried to each,
+    writes `stored`, `stress` and `moduli`.  The forces on the ends are m = dPhi/deta carried to each,
     (dtau^-1_x)* m.
 
     Source: Demoures, Gay-Balmaz, Kobilarov and Ratiu, Commun. Nonlinear Sci. Numer. Simul. 19 (2014), 3492.
@@ -33,6 +34,10 @@ class CellTerm(Term):
     def stress(self, eta: Vec) -> Vec:
         """The internal force m = dPhi/deta.  eta : (dim,)."""
         return self.stored_energy.momentum(eta)
+
+    def moduli(self, eta: Vec) -> Mat | Vec:
+        """The stiffness d2Phi/deta2, a matrix or its diagonal.  eta : (dim,)."""
+        return self.stored_energy.hessian(eta)
 
     def displacement(self, a: Any, b: Any) -> Vec:
         """The displacement between both nodes, x = tau^-1(g_a^-1 g_b)."""
@@ -51,6 +56,22 @@ class CellTerm(Term):
         x, tau = self.displacement(*sites), self.retraction
         m = self.stress((1.0 / self.length) * x)
         return tau.dtau_inv_dual(group, -x, m), -tau.dtau_inv_dual(group, x, m)
+
+    def stiffnesses(self, group: Any, *sites: Any) -> tuple[tuple[Mat, ...], ...]:
+        """With x' = dtau^-1_x eta_b - dtau^-1_-x eta_a and n = (dtau^-1_x)* m, so that (dtau_x)* n = m,
+        n' = (dtau^-1_x)* (K/l x' - ((dtau_x)* n)' at fixed n), K the moduli.
+        """
+        tau, x, rate = self.retraction, self.displacement(*sites), 1.0 / self.length
+        m, rigidity = self.stress(rate * x), rate * self.moduli(rate * x)
+        units, by_ends = identity_matrix(len(x)), []  # type: Any, list[Any]
+        for y, sign in ((x, -1.0), (-x, 1.0)):
+            by_end = mat(*[tau.dtau_inv(group, y, unit) for unit in units])  # its transpose
+            _, weight, slope = tau.residual(group, -y, m, tau.dtau_inv_dual(group, y, m))
+            if isinstance(weight, vectors.Mat):
+                return super().stiffnesses(group, *sites)
+            by_ends = [*by_ends, (by_end, by_end @ with_inertia((sign / weight) * slope, rigidity))]
+        (b, on_b), (a, on_a) = by_ends
+        return (on_a @ a.T, -(on_a @ b.T)), (-(on_b @ a.T), on_b @ b.T)
 
 
 @record
