@@ -262,6 +262,12 @@ class CosseratRod(FieldInCells):
             free[k, {"clamped": 0, "hinged": 3, "free": 6}[end] :] = False
         return free.ravel()
 
+    @property
+    def rest_strain(self) -> np.ndarray:
+        """u_0 of the elements, (6,) or (N, 6)."""
+        strain: Any = self.element.rest
+        return strain.values if isinstance(strain, Each) else np.array(strain)
+
     # ---------------------------------------------------------------- shapes
 
     def along(self, curve: Any, twist: float = 0.0) -> np.ndarray:
