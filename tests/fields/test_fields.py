@@ -117,13 +117,24 @@ def test_a_free_beam_has_the_numbers_of_an_independent_program():
 # ---------------------------------------------------------------- closed forms
 
 
-def test_standing_waves_have_the_frequency_of_the_cells_and_the_step():
-    """u = cos(k s) cos(w t) with sin(w h/2) = (h/D) sin(k D/2), to rounding."""
-    ring, h, k = string(12, 2.0 * np.pi, closed=True), 0.4, 2.0
-    D = ring.parts[0]
+@pytest.mark.parametrize("closed", [True, False], ids=["ring", "free ends"])
+def test_standing_waves_have_the_frequency_of_the_cells_and_the_step(closed):
+    """u = cos(k s) cos(w t) with sin(w h/2) = (h/D) sin(k D/2), to rounding; free ends have half a cell's mass."""
+    line, h, k = string(12, 2.0 * np.pi, closed=closed), 0.4, 2.0 if closed else 1.5
+    D = 2.0 * np.pi / 12
     w = 2.0 / h * np.arcsin(h / D * np.sin(0.5 * k * D))
-    run = lm.integrate(ring, lm.KickDrift(), ring.at_rest(np.cos(k * ring.arc)[:, None]), h=h, steps=20, compiled=False)
-    np.testing.assert_allclose(run.g[..., 0], np.cos(w * run.t)[:, None] * np.cos(k * ring.arc), atol=1e-14)
+    run = lm.integrate(line, lm.KickDrift(), line.at_rest(np.cos(k * line.arc)[:, None]), h=h, steps=20, compiled=False)
+    np.testing.assert_allclose(run.g[..., 0], np.cos(w * run.t)[:, None] * np.cos(k * line.arc), atol=1e-13)
+
+
+def test_an_energy_of_strain_is_its_own_legendre_transform():
+    rng = np.random.default_rng(9)
+    for C in ([1.0, 2.0, 3.0], [[2.0, 0.3, 0.0], [0.3, 1.0, 0.1], [0.0, 0.1, 1.5]]):
+        phi, eta = lm.StrainEnergy(C, [0.1, -0.2, 0.3]), lm.Vec.of(rng.normal(size=3).tolist())
+        lam = phi.momentum(eta)
+        np.testing.assert_allclose(phi.gradient(lam), eta, atol=1e-14)
+        assert phi.energy(lam) + phi.value(eta) == pytest.approx(lm.dot(lam, eta), abs=1e-13)
+        np.testing.assert_allclose(lam, lm.gradient(phi.value, eta), atol=1e-14)
 
 
 def test_travelling_waves_of_a_chiral_field_are_exact_where_a_wave_crosses_a_cell_in_a_step():
