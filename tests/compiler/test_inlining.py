@@ -193,6 +193,33 @@ def formula(x, y, n):
     assert small and all(b.made < 1.5 * (b.emitted + b.finished) for b in small)
 
 
+def test_formulas_around_one_that_must_be_written_out_are_translated_once(small: list[Any], tmp_path: Path) -> None:
+    """One that is given a formula made on the way is no function: it is large, and those around it are not for that."""
+    text = """
+def long(turn, x, y):
+    for k in range(32):
+        x, y = turn(x, y)
+    return x, y
+
+def within(turn, x, y):
+    x, y = long(turn, x, y)
+    return x + y, y
+
+def deeper(turn, x, y):
+    x, y = within(turn, x, y)
+    return x, y - x
+
+def formula(x, y, n):
+    def turn(u, v):
+        return u * u - v * v, u * v + x
+    return deeper(turn, x, y)
+"""
+    worlds.same_in_all_worlds(
+        worlds.module_from(text, tmp_path, "around").formula, [(0.3, 0.4), (0.1, -0.2)], lanes=[1]
+    )
+    assert small and all(b.made < 3.0 * (b.emitted + b.finished) for b in small)
+
+
 PAIRS = [
     (BODY, lm.RKMK(order=4)),
     (TOP, lm.RKMK(order=4)),
