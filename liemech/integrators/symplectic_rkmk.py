@@ -115,11 +115,12 @@ class SymplecticRKMK(Implicit):
         return self.after(memory, system.kicked(TAU, memory.state, kick, x), unknown)
 
     def _sweep(
-        self, system: Any, t: float, start: BodyState, h: float, near: Middle, last: tuple[Vec, ...]
+        self, system: Any, t: float, start: BodyState, h: float, near: Linearisation, last: tuple[Vec, ...]
     ) -> tuple[tuple[Vec, ...], Vec, Vec]:
         """X_i, D_i, p - mu_n and F anew; how far velocities and p were off, and their sizes, in each unit apart.
 
-        What they lead to, and what that changes to first order in h: a misfit shrinks by a factor of order h^2.
+        Rates where the last ones led, and what their change moves, to first order in h: a misfit shrinks by a factor of
+        order h^(3/2), or h^2 where forces are weak.
         """
         (a, b, c), group, s = self.tableau, system.configurations, len(self.tableau[1])
         X, D, change = last[:s], last[s : 2 * s], last[2 * s]
@@ -144,8 +145,8 @@ class SymplecticRKMK(Implicit):
         for row, (v, d) in zip(a, rates):
             y, bent = combination(row, off_X, h), combination(row, off_D, h)
             y, bent = (0.0 * turn, turn) if y is None else (y, turn + bent)
-            more = near.moved(group, shift, y, bent)
-            X, D = (*X, v + more[0]), (*D, d + more[1])
+            v_off, d_off = near.moved(group, shift, y, bent)
+            X, D = (*X, v + v_off), (*D, d + d_off)
         steps, sizes = vec(*(combination(b, X) - before), *turn), vec(*before, *start.mu)
         blocks = system.unit_blocks
         return (*X, *D, change + turn, force), one_norms(steps, blocks), one_norms(sizes, blocks)
@@ -180,8 +181,8 @@ def _slope(system: Any, t: float, start: BodyState, h: float, xi: Vec) -> Mat:
 
 
 @record
-class Middle(Record):
-    """Velocity and momentum in the middle of a step, at a guess, and derivatives there.
+class Linearisation(Record):
+    """Velocity and momentum in the middle of a step, at a guess, and their derivatives.
 
     by_mu, by_place : of the velocity; that of the force by the momentum is the transpose of -by_place, as second
     derivatives of an energy commute.  slope : of p less what it leads to, 1 - (h/2) (ad*_(by_mu .) p + df/dmu) to first
@@ -195,23 +196,22 @@ class Middle(Record):
     slope: Mat
 
     def moved(self, group: LieGroup, shift: Vec, y: Vec, p: Vec) -> tuple[Vec, Vec]:
-        """The changes of xi + [Y, xi]/2 and of ad*_xi p/2 + f, the rates of Y and P near the middle of the chart, where
-        that goes along exp(shift), Y by y and P by p; but for what the place changes in the rate of P, whose effect on Y
-        is of order h^2.
+        """The changes of xi + [Y, xi]/2 and ad*_xi P/2 + f, the rates of Y and P near Y = 0, where g_m goes along
+        exp(shift), Y by y and P by p; the change of the force with the place is left out.
         """
         v = self.by_mu @ (p + 0.5 * group.ad_star(y, self.p)) + self.by_place @ (shift + y)
         turned = 0.5 * (group.ad_star(v, self.p) + group.ad_star(self.xi, p))
         return v + 0.5 * group.ad(y, self.xi), turned - self.by_place.T @ p
 
 
-def _linearised(system: Any, t: float, start: BodyState, h: float, xi: Vec, change: Vec) -> Middle:
+def _linearised(system: Any, t: float, start: BodyState, h: float, xi: Vec, change: Vec) -> Linearisation:
     """The middle of a step at a guess of the mean velocity and of p - mu_n."""
     group, p = system.configurations, start.mu + change
     g = group.compose_exp(start.g, (0.5 * h) * xi)
     by_mu = jacobian(lambda m: system.rates(t + 0.5 * h, m, g)[0], p)
     by_place = jacobian(lambda y: system.rates(t + 0.5 * h, p, group.compose_exp(g, y))[0], 0.0 * p)
     rows = [group.ad_star(v, p) - slope for v, slope in zip(by_mu.T, by_place)]
-    return Middle(xi, p, by_mu, by_place, identity_matrix(len(p)) - (0.5 * h) * mat(*rows).T)
+    return Linearisation(xi, p, by_mu, by_place, identity_matrix(len(p)) - (0.5 * h) * mat(*rows).T)
 
 
 def _rate_in_chart(group: LieGroup, y: Vec, mu: Vec, along: Vec, rate: Vec) -> Vec:

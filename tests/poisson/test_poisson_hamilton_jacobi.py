@@ -126,7 +126,7 @@ CASES: dict[str, tuple[Any, list[float], float]] = {
     "charge": (CHARGE, [0.0, 1.0, 0.1, 0.09, 0.55, 0.30], 0.2),
 }
 
-LONG = {("plane", 8), ("species", 8), ("second bracket", 6)}
+LONG = {("plane", 8), ("species", 8), ("particle", 8), ("second bracket", 6)}
 """Steps that take many seconds to compile."""
 
 
@@ -322,8 +322,9 @@ def test_energies_that_change_with_time(order: int) -> None:
 
 
 @pytest.mark.sample(3)
-@pytest.mark.parametrize("order", ORDERS)
-@pytest.mark.parametrize("name", ["momenta", "species", "logarithmic", "particle"])
+@pytest.mark.parametrize(
+    ("name", "order"), [*cases(["momenta", "species", "logarithmic", "particle"], ORDERS), *cases(["plane"], [8])]
+)
 def test_native_code_has_the_bits(name: str, order: int) -> None:
     system, y, h = CASES[name]
     few = 1 if order > 4 else 3

@@ -385,9 +385,8 @@ class EnergyTerms(OfTerms):
     def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
         if method not in ("velocity", "force"):
             return super()._in_numpy(method, arguments)
-        half = slopes_of(self, self._by_site(arguments)), self.group.base.dim
-        slopes = half[0][..., : half[1]] if method == "velocity" else half[0][..., half[1] :]
-        return self.group.without_sites(slopes, "Vec")
+        slopes, dim = slopes_of(self, self._by_site(arguments)), self.group.base.dim
+        return self.group.without_sites(slopes[..., :dim] if method == "velocity" else slopes[..., dim:], "Vec")
 
 
 @record

@@ -485,8 +485,8 @@ class EnergyOfSite(TermsOfSite):
             (slope, last_slope), (force, last_force) = term.slopes(*sites), term.forces(group, *sites)
             return vec(*slope, *force), vec(*last_slope, *last_force)
 
-        both = self.plus_terms(vec(*[0.0 for _ in range(2 * n)]), mu, g, None, of_edge, of_both)
-        return self.moving(both[:n]), self.moving(both[n:])
+        rates = self.plus_terms(vec(*[0.0 for _ in range(2 * n)]), mu, g, None, of_edge, of_both)
+        return self.moving(rates[:n]), self.moving(rates[n:])
 
 
 @record
