@@ -167,6 +167,26 @@ def test_on_a_constraint_a_wall_throws_back() -> None:
     assert run.q[:, 0].min() > -1e-12 and abs(run.energy - run.energy[0]).max() < 1e-3
 
 
+def test_a_linkage_is_braked_and_many_sites_are_not() -> None:
+    """Halved momenta keep the constraints, and leave a quarter of the kinetic energy."""
+    along, at = [1.0, 0.0, 0.0], [0.0, 0.0, 0.5]
+    hinges = [
+        lm.joints.RevoluteJoint(0, None, at, [0.0] * 3, along, along, name="a"),
+        lm.joints.RevoluteJoint(1, 0, at, [0.0, 0.0, -0.5], along, along, name="b"),
+    ]
+    arm = lm.joints.Linkage([lm.joints.Link(1.0, [0.1] * 3)] * 2, hinges, gravity=0.0)
+    brake = lm.Jump(lambda t, s: t - 0.105, lambda t, s: arm.state(mu=0.5 * np.array(s.mu), g=s.g))
+    start = arm.state(angles={}, rates={"a": 1.0, "b": -0.5})
+    run = lm.integrate(arm, lm.LieRATTLE(), start, h=0.01, steps=20, events=brake, compiled=False)
+    k = int(np.flatnonzero(np.diff(run.t) == 0.0)[0])
+    assert run.energy[k + 1] == pytest.approx(0.25 * run.energy[k], rel=1e-13)
+    assert run.energy[-1] == pytest.approx(0.25 * run.energy[0], rel=1e-3)
+    spins = lm.LiePoissonSystem(lm.SO3() ** 400, lm.PerSite(lm.KineticEnergy([1.0, 2.0, 3.0])))
+    flip = lm.Jump(lambda t, state: t - 0.1, lambda t, state: state)
+    with pytest.raises(lm.errors.IncompatibleSystem, match="has no jumps of the state"):
+        lm.integrate(spins, lm.CovariantVariational(), spins.state(np.ones((400, 3))), h=0.1, steps=4, events=flip)
+
+
 @lm.record
 class Billiard(lm.SeparableSystem):
     """A point without forces in the plane."""
