@@ -407,3 +407,43 @@ def test_it_prints_what_it_is() -> None:
     text = str(lm.relative_equilibrium(body, body.state(mu=[0.0, 1.0, 0.0])))
     assert text.startswith("relative equilibrium, unstable: a disturbance grows as exp(0.23")
     assert "symmetries   3" in text
+
+
+class Coupled(lm.Potential):
+    """Two tops in their fields, whose axes feel one another, on a group whose elements split into two rotations."""
+
+    def energy(self, g: Any) -> Any:
+        a, b = self.group.split(g)
+        return 0.8 * (a[2, 2] + b[2, 2]) + 0.3 * lm.dot(a[2], b[2])
+
+
+@lm.record
+class OnPower(Coupled):
+    group: Any = lm.SO3() ** 2
+
+
+@lm.record
+class OnProduct(Coupled):
+    group: Any = lm.SO3() * lm.SO3()
+
+
+@pytest.mark.slow
+def test_bodies_of_a_power_are_steady_as_those_of_a_product() -> None:
+    """SO(3)^2 as a power, with an axis of bodies, and as a product: one steady motion, which a run from it keeps."""
+    g, mu = np.stack([tilted(0.3), tilted(-0.2)]), [0.1, 0.2, 2.5, -0.1, 0.3, 2.3]
+    found = {}
+    for potential, elements in ((OnPower(), g), (OnProduct(), OnProduct().group.join(*g))):
+        tops = lm.LiePoissonSystem(potential.group, lm.KineticEnergy([1.0, 1.0, 0.6, 1.0, 1.0, 0.6]))
+        system = lm.MechanicalSystem(tops, potential)
+        found[type(potential)] = lm.relative_equilibrium(system, system.state(mu=mu, g=elements))
+        if potential.group == OnPower().group:
+            steady = found[OnPower]
+            run = lm.integrate(system, lm.RKMK(order=6), steady.state, h=0.05, steps=40, compiled=False)
+            across, leans = (
+                np.hypot(*np.moveaxis(run.mu.reshape(41, 2, 3), -1, 0)[:2]),
+                run.g.reshape(41, 2, 3, 3)[..., 2, 2],
+            )
+            for constant in (across, leans):  # but for the turns of each top about its axis
+                np.testing.assert_allclose(constant, np.tile(constant[0], (41, 1)), atol=1e-8)
+    np.testing.assert_allclose(found[OnPower].frequencies, found[OnProduct].frequencies, rtol=1e-10)
+    assert found[OnPower].verdict == found[OnProduct].verdict == "stable" and len(found[OnPower].frequencies) == 3

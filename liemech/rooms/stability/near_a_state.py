@@ -200,8 +200,11 @@ def states_near(name: str, system: Any, state: Any) -> NearState:
             f"{name}: {system!r}; wanted is a LiePoissonSystem, a MechanicalSystem, a CotangentSystem or a "
             "HamiltonianSystem, whose energy does not change with time"
         )
+    state = system._written_out(state)  # of several bodies, SO3() ** 2, the numbers of all in a row
     if not isinstance(state, BodyState) or state.bodies is not None or system.is_large:
-        raise IncompatibleSystem(f"{name}: the guess is the state of one body, system.state(...); got {state!r}")
+        raise IncompatibleSystem(
+            f"{name}: the guess is the state of one body or of a few, system.state(...); got {state!r}"
+        )
     group = getattr(system, "configurations", system.group)
     g = group.identity() if state.g is None else state.g
     return NearState(system, group, small(np.asarray(g)), small(np.asarray(state.mu)))
