@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InvalidType, StepTooSmall, warn
+from ...errors import InvalidInput, InvalidType, StepTooSmall, warn
 from ...formulas.classes.layouts import NUMBER, restricted
 from ...formulas.numbers.sizes import EPSILON
 from ...systems.lie_poisson import with_sites
@@ -444,7 +444,11 @@ class Events:
         watch, run, event = self.each[body], self.run, self.events[k]
         system, before = run.laws_of(body)[0], run.view.small(numbers)
         try:
-            after = restricted(arguments.started(system, event.after(at, before), None, at), run.view.layout)
+            after = arguments.started(system, event.after(at, before), None, at)
+            if any(after.parts[name] is None for name in before.arrays):
+                parts = ", ".join(before.arrays)
+                raise InvalidInput(f"Jump: then(t, state) leaves parts out; give system.state(...) all of {parts}")
+            after = restricted(after, run.view.layout)
             rates = [slope(event, system, at, state) for state in (before, after)]
         except Exception as error:
             raise run.refused(error, body, at, before) from error.__cause__
