@@ -360,7 +360,7 @@ def test_what_is_no_jump_is_refused() -> None:
         lm.integrate(BALL, lm.StormerVerlet(), start, h=0.1, steps=10, events=lm.Jump(height, lambda t, s: -s.p))
     free = lm.RigidBody([1.0, 2.0, 3.0])
     half = lm.Jump(lambda t, s: t - 0.25, lambda t, s: free.state(mu=0.5 * s.mu))
-    with pytest.raises(lm.errors.InvalidInput, match="leaves parts out; .* all of mu, g"):
+    with pytest.raises(lm.errors.InvalidInput, match=r"leaves parts out; .* all of mu, g"):
         lm.integrate(free, lm.RKMK(order=4), free.state([1.0, 0.2, 0.3], np.eye(3)), h=0.1, steps=10, events=half)
     slow = lm.integrate(free, lm.RKMK(order=4), free.state([1.0, 0.2, 0.3]), h=0.1, steps=10, events=half)
     assert slow.energy[-1] == pytest.approx(0.25 * slow.energy[0], rel=1e-7)

@@ -268,10 +268,8 @@ def entries(g: Any) -> list[Any]:
     part.  Raises IncompatibleSystem for a matrix in memory.
     """
     if isinstance(g, Large):
-        rows = len(g)
         raise IncompatibleSystem(
-            f"products, powers and semidirect products write the elements of their factors out, number by number, and "
-            f"matrices with {rows} rows lie in memory: take smaller ones"
+            f"products write the elements of their factors out; matrices with {len(g)} rows lie in memory: take smaller ones"
         )
     numbers = [x for row in g for x in row] if isinstance(g, vectors.Mat) else [*g]
     if len(numbers) > 0 and isinstance(numbers[0], Complex):
