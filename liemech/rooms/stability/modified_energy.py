@@ -23,6 +23,7 @@ import numpy as np
 
 from ...errors import IncompatibleSystem, InvalidInput, require
 from ...formulas.classes.frozen import frozen
+from ...integrators.free_body.exact_free_body import ExactFreeBody
 from ...integrators.kicks.kick_drift import FieldSplitting
 from ...integrators.separable import SeparableSplitting
 from ...integrators.variational import CovariantVariational
@@ -64,7 +65,7 @@ def modified_energy(run: Trajectory, order: int = 8) -> ModifiedEnergy:
     """The modified energy of a run, a constant up to O(h^order), which tells whether the energy drifts or fluctuates.
 
     run : fixed steps of one body, every one kept, by StormerVerlet or Splitting of T(p) + V(q), by CovariantVariational, or by
-    LieVerlet in a field.  order : 2m, an even number above the order of the method.
+    LieVerlet or KickDrift of order 2 in a field.  order : 2m, an even number above the order of the method.
     Raises IncompatibleSystem for other methods, InvalidInput for runs that are too short or have not kept all steps.
     Source: Skeel and Hardy, SIAM J. Sci. Comput. 23 (2001), 1172.
     """
@@ -122,7 +123,7 @@ def _actions(method: Any, system: Any, states: Any, h: float) -> np.ndarray:
     bodies = (
         isinstance(system, MechanicalSystem) and isinstance(method, FieldSplitting) and len(method.tableau.drifts) == 1
     )
-    if bodies and system.load is None and not system.driven and isinstance(free, CovariantVariational):
+    if bodies and system.load is None and not system.driven and isinstance(free, (CovariantVariational, ExactFreeBody)):
         place = states["g"]
         v = np.asarray(system.energy(0.0 * mu, place))
         first, last = method.tableau.kicks
@@ -133,12 +134,14 @@ def _actions(method: Any, system: Any, states: Any, h: float) -> np.ndarray:
     raise IncompatibleSystem(
         f"modified_energy: the action of the steps of {method!r} is not known for {system!r} with {', '.join(states)}; "
         "StormerVerlet() and Splitting are for T(p) + V(q), CovariantVariational() for free bodies with their g, LieVerlet() "
-        "for bodies in fields without loads"
+        "and KickDrift() for bodies in fields without loads"
     )
 
 
-def _free_actions(method: CovariantVariational, body: Any, mu: np.ndarray, h: float) -> np.ndarray:
+def _free_actions(method: CovariantVariational | ExactFreeBody, body: Any, mu: np.ndarray, h: float) -> np.ndarray:
     """The actions of steps of a free body from these momenta, (n,)."""
+    if isinstance(method, ExactFreeBody):
+        return h * (np.sum(mu * body.velocity(mu), axis=1) - body.energy(mu))
     xi = method.velocity(body, mu, h)
     if method.lagrangian is None:
         return h * np.asarray(body.lagrangian.value(xi))
