@@ -146,8 +146,13 @@ class SiteRows(NativeColumns):
 
     alone = False
 
-    def __init__(self, emitter: Emitter, pointer: ir.Value, count: ir.Value) -> None:
+    def __init__(self, emitter: Emitter, array: int, integer: int) -> None:
+        """The rows in the array of this number among those of the present function, of as many sites as an integer says."""
         b = emitter.builder
+        self.numbers = array, integer
+        _, integers, arrays, *_ = b.function.args
+        pointer = b.load(b.gep(arrays, [I64(array)], source_etype=POINTER), typ=POINTER)
+        count = b.load(b.gep(integers, [I64(integer)], source_etype=I64), typ=I64)
         groups = b.sdiv(b.add(count, I64(TOGETHER - 1)), I64(TOGETHER))
         step = b.mul(b.or_(groups, I64(1)), I64(TOGETHER))
         super().__init__(emitter, pointer, I64(TOGETHER) if emitter.few else step)
@@ -247,8 +252,8 @@ def arguments(emitter: Emitter, kinds: Any, function: ir.Function) -> list[Any]:
         elif kind == "rows":
             args.append(NativeRows(emitter, load(arrays, "array", F64.as_pointer()), load(integers, "integer", I64)))
         elif kind == "planes":
-            pointer, count = load(arrays, "array", F64.as_pointer()), load(integers, "integer", I64)
-            args.append(SiteRows(emitter, pointer, count))
+            args.append(SiteRows(emitter, counts["array"], counts["integer"]))
+            counts["array"], counts["integer"] = counts["array"] + 1, counts["integer"] + 1
         elif kind == "shared":
             pointer = load(arrays, "array", F64.as_pointer())
             args.append(NativeShared(emitter, pointer, ir.Constant(I64, 1)))
@@ -257,21 +262,17 @@ def arguments(emitter: Emitter, kinds: Any, function: ir.Function) -> list[Any]:
     return args
 
 
-def hidden(emitter: Emitter, kinds: Any, args: list[Any], function: ir.Function) -> tuple[SiteRows, ir.Value, ir.Value]:
-    """The hidden arguments of loops over sites, behind the driver's arrays: scratch rows, the place for the number of a
-    failed site, and the words that threads share.
+def hidden(emitter: Emitter, array: int, integer: int) -> tuple[SiteRows, ir.Value, ir.Value]:
+    """The hidden arguments of loops over sites, in the present function: scratch rows, in the first array behind those of
+    the driver, the place for the number of a failed site, and the words that threads share.
     """
     b = emitter.builder
-    count = next(a for a, kind in zip(args, kinds, strict=True) if kind == "planes").count
-    first = _arrays(kinds)
-    rows, notes, crew = (
-        b.load(b.gep(function.args[2], [I64(k)], source_etype=POINTER), typ=POINTER) for k in range(first, first + 3)
-    )
-    words = [b.bitcast(place, I64.as_pointer()) for place in (notes, crew)]
-    return SiteRows(emitter, rows, count.value), words[0], words[1]
+    places = (b.gep(b.function.args[2], [I64(array + k)], source_etype=POINTER) for k in (1, 2))
+    notes, crew = [b.bitcast(b.load(place, typ=POINTER), I64.as_pointer()) for place in places]
+    return SiteRows(emitter, array, integer), notes, crew
 
 
-def _arrays(kinds: Any) -> int:
+def arrays_of(kinds: Any) -> int:
     """The number of arrays among the arguments of a driver."""
     return sum(not isinstance(kind, Layout) and kind != "integer" for kind in kinds)
 
@@ -284,7 +285,7 @@ def entrance(module: ir.Module, function: ir.Function, kinds: Any, rows: int, pa
     Called without such memory, for no bodies, the function leaves these in the first two places.
     """
     integers = sum(kind in ("integer", "rows", "planes") for kind in kinds)
-    arrays = _arrays(kinds) + 3 * ("planes" in kinds)
+    arrays = arrays_of(kinds) + 3 * ("planes" in kinds)
     kernel = ir.Function(module, ir.FunctionType(ir.VoidType(), [I64.as_pointer()]), "kernel")
     b, block = ir.IRBuilder(kernel.append_basic_block("entry")), kernel.args[0]
     places = [

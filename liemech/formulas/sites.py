@@ -370,6 +370,14 @@ def repeated(
     return unknown, state
 
 
+def once(formula: Callable[..., None], question: Any, value: Any, answer: Any, *args: Any) -> Any:
+    """All sites have come here, each with a value in the column `question`; a formula runs once for all of them, in which
+    they may be looped over; and each goes on with its value in the column `answer`.
+    """
+    visit = _visit("once")
+    return visit.ask("once", (formula, question, value, answer, args))[visit.site]
+
+
 def _entry(table: SiteTable, d: int, site: int) -> int:
     return int(table.numbers[d * int(table.places) + site])
 
@@ -492,7 +500,7 @@ class _Early(Visit):
         self.until, self.visit = until, visit
 
     def ask(self, kind: str, value: Any) -> Any:
-        if kind == "repeated":
+        if kind in ("repeated", "once"):
             raise TooManySites
         if self.asked == len(self.answers):
             self.answers.append((kind, _Some(self.asked, self.visit)))
@@ -576,6 +584,15 @@ def _swept(requests: list[Any]) -> list[Any]:
     return [(unknown, state) for unknown in unknowns]
 
 
+def _run_once(requests: list[Any]) -> list[Any]:
+    """The answers to all sites of a formula that runs once."""
+    formula, question, _, answer, args = requests[0]
+    for i, (_, _, value, *_) in enumerate(requests):
+        question.put(i, value)
+    formula(*args)
+    return [answer.at(i) for i in range(len(requests))]
+
+
 def _added(values: list[Any]) -> Any:
     """The sum of values of one layout, number by number."""
     layout = carried_layout(values[0])
@@ -584,7 +601,7 @@ def _added(values: list[Any]) -> Any:
 
 
 _ANSWERS: dict[str, Callable[[list[Any]], Any]] = {
-    "meet": lambda values: values, "total": _added, "repeated": _swept,
+    "meet": lambda values: values, "total": _added, "repeated": _swept, "once": _run_once,
 }  # fmt: skip
 """The answer to all sites, from the values that they ask with, by the word that they ask."""
 

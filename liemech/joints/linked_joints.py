@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,6 +21,7 @@ from ..groups.rigid.se3 import SE3
 from .body_forces import AtBody, ForcesOfBodies, OnAll, PotentialsOfBodies
 from .elimination_order import has_loops, hubs_in, sides_of, tables_of
 from .in_memory.links import LinkedBodies, work_of
+from .in_memory.reduced_equation import BodyAmongJoints
 from .joint_forces import AtJoint, effort_of, resistance_of, seen_about
 from .points_and_axes import REST6
 
@@ -185,7 +187,7 @@ def linked(linkage: Any) -> LinkedForm:
         Table(np.array([*meshes.values(), 0.0])), float(most_neighbours(ends)),
     )  # fmt: skip
     full = any(np.ndim(np.array(link.inertia)) == 2 for link in mechanism.links)
-    links = with_fields(links, work=work_of(links, full))
+    links = with_fields(links, work=work_of(links, full), one_body=BodyAmongJoints())
     numbers = np.zeros((links.work.width, places))
     of = columns(Planes(numbers, places), work=links.work).work.fields
     put_bodies(of, mechanism, first_joint, full)
@@ -228,6 +230,7 @@ def put_bodies(of: Any, mechanism: Any, first_joint: dict[tuple[int, int], Any],
         write(of.inverse, place, (np.linalg.inv(J) if full else 1.0 / J).ravel())
         of.first_joints.put(place, (*first_joint.get((place, 0), none), *first_joint.get((place, 1), none)))
     write(of.weight, slice(len(links)), [link.mass * mechanism.gravity for link in links])
+    write(of.share, slice(len(links)), math.sqrt(of.share.array.shape[1] / len(links)))
 
 
 def put_joints(

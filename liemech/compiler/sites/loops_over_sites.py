@@ -7,19 +7,22 @@ sites publish, lie in rows of scratch memory, one place for each site (`memory`)
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from llvmlite import ir
 
 from ...errors import NotCompilable
 from ...formulas.numbers.series_of_sites import SeriesMeeting
-from ...formulas.sites import TOGETHER
-from ..buffers import SiteRows
+from ...formulas.columns import Column
+from ...formulas.sites import TOGETHER, once
+from ..buffers import SiteRows, hidden
 from ..numbers.ir_numbers import I64, Num
 from ..numbers.rows_of_blocks import SquareBlocks
 from ..translation.joins import Open
+from ..translation.state import TranslationState
 from . import planes
 from .all_pairs import PairLoops
 from .barriers import GIVEN_UP, barrier
@@ -42,6 +45,7 @@ class LoopOverSites:
     reloadable: set[ir.Value] = dataclasses.field(default_factory=set)  # loads of what does not change
     row_of: dict[Any, Any] = dataclasses.field(default_factory=dict)  # by the registers of a number, its row
     published: int = 0  # the width of the largest value published
+    below: int = 0  # rows of scratch memory that others need between passes
     meetings: int = 0  # the number of meetings so far
     last_published: Published | None = None
     company: list[SeriesMeeting] | None = None  # the last meetings of power series
@@ -62,12 +66,21 @@ class SiteLoops:
         self.t, self.e, self.b = translator, translator.emitter, translator.builder
         self.lanes, self.width, self.rows, self.lasting = lanes, width, 0, 0
         self.paired: dict[int, int] = {}
-        self.kernel = self.b.function
+        self.functions: set[ir.Function] = set()  # that have the sites: the kernel, and what runs once for all sites
+        self.rows_of_once = 0  # of scratch memory, which these need
         self.memory = SiteMemory(self)
         self.meetings = SiteMeetings(self)
-        self.intrinsics: dict[Any, Callable[..., Any]] = {planes.each: self.each, planes.some: self.some}
+        self.intrinsics: dict[Any, Callable[..., Any]] = {planes.each: self.each, planes.some: self.some, once: self.once}
         for words in (self.memory, self.meetings, PairLoops(self), SquareBlocks(self)):
             self.intrinsics |= words.intrinsics
+
+    def enter(self, array: int, integer: int) -> None:
+        """Load the hidden arguments of loops over sites at the entry of a function, which has those of the kernel."""
+        function = self.b.function
+        self.functions.add(function)
+        self.scratch, self.notes, self.crew = hidden(self.e, array, integer)
+        if self.lanes > 1:
+            function.attributes.alignstack = 8 * self.width
 
     def each(self, sites: SiteRows, formula: Any, *args: Any) -> None:
         """Translate a formula for every site; the attempt around the loop fails if a site fails."""
@@ -82,7 +95,7 @@ class SiteLoops:
         t, e, b, state = self.t, self.e, self.b, self.t.state
         if state.site_loop is not None:
             raise NotCompilable("a loop over sites inside of another one")
-        if b.function is not self.kernel:  # which has the sites that are asked for
+        if b.function not in self.functions:
             raise NotCompilable("a loop over sites inside of a native function")
         t.outliner.divide()
         outer = vars(state).copy()
@@ -98,7 +111,7 @@ class SiteLoops:
             t.call(formula, *args)
             self.end_pass()
             failed = self._together(loop, state.escapes.pop())
-            first_row = 2 * loop.published
+            first_row = max(2 * loop.published, loop.below)
             self.rows = max(self.rows, first_row + divided(b, e, loop, self.scratch, first_row))
         for name in ("site_loop", "failed", "patience", "raises", "marks"):
             setattr(state, name, outer[name])
@@ -163,6 +176,40 @@ class SiteLoops:
         b.cbranch(b.icmp_signed("!=", flags, I64(0)), pass_.left, on)
         b.position_at_end(on)
 
+    def once(self, formula: Any, question: Column, value: Any, answer: Column, *args: Any) -> Any:
+        """`formulas.sites.once`: between two passes the call of a native function, in which sites may be looped over."""
+        t, e, b, loop = self.t, self.e, self.b, self.at_meeting("once")
+        self.memory.store(question, value)
+        self.pass_on()
+        left, outer = loop.passes[-1].left, t.state
+        with e.side_by_side(1, 1):
+            t.state = inner = TranslationState(failed=e.slot(), escapes=[[]])
+            e.store(False, inner.failed)
+            t.outliner.of_all_sites(formula, args, self._as_of_all_sites)
+            t.state, failed = outer, e.load(inner.failed).values[0]
+        on = b.append_basic_block()
+        b.cbranch(failed, left, on)
+        for escape in inner.escapes[0]:
+            b.position_at_end(escape.block)
+            b.branch(left)
+        b.position_at_end(on)
+        loop.meetings, loop.below = loop.meetings + 1, max(loop.below, self.rows_of_once)
+        self.begin_pass()
+        return self.memory.loaded(answer)
+
+    @contextlib.contextmanager
+    def _as_of_all_sites(self) -> Iterator[None]:
+        """Translate a function of all sites inside of this context, which begins at its entry."""
+        outer = self.scratch, self.notes, self.crew
+        rows, self.rows = self.rows, 0
+        try:
+            self.enter(*self.scratch.numbers)
+            yield
+        finally:
+            self.scratch, self.notes, self.crew = outer
+            self.rows_of_once = max(self.rows_of_once, self.rows)
+            self.rows = max(rows, self.rows)
+
     def _together(self, loop: LoopOverSites, escapes: list[Open]) -> Num:
         """Join the exits of the loop.  Returns whether a site of any thread has failed."""
         t, e, b = self.t, self.e, self.b
@@ -191,7 +238,7 @@ class SiteLoops:
         loop, t = self.present_loop(word), self.t
         if t.state.region != loop.region or t.active(t.frames[-1].env) is not None or t.state.depth:
             raise NotCompilable(f"`{word}` inside a branch or a loop of unknown length: all sites come together there")
-        if len(t.state.escapes) > loop.attempts or self.b.function is not self.kernel:
+        if len(t.state.escapes) > loop.attempts or self.b.function is not loop.passes[-1].function:
             raise NotCompilable(f"`{word}` inside of an attempt or a native function")
         if loop.saved:
             raise NotCompilable(f"`{word}` after the numbers of sites were saved")

@@ -80,7 +80,7 @@ class SiteMemory:
     def _of_site(self, sites: SiteRows, i: Any, start: Any, behind: Iterable[int], layout: Layout) -> Any:
         """The value of site i whose numbers are in the rows `behind` a first one."""
         b, first, loop = self.b, self.e.cast(start, "i", False)[0], self.t.state.site_loop
-        if b.function is not self.loops.kernel:
+        if b.function not in self.loops.functions:
             raise NotCompilable("rows of sites in a native function")
         if loop is not None and isinstance(i, Num) and i.varying:
             numbers = self.gathered([(sites, self.e.num([b.add(first, I64(j))])) for j in behind], i)
@@ -101,14 +101,27 @@ class SiteMemory:
         """The value of a site."""
         return self._loaded(column.array, *_behind(column), column.layout)
 
+    def loaded(self, column: Column) -> Any:
+        """The value of a site, which may be set again: it is loaded here."""
+        sites, (start, behind) = column.array, _behind(column)
+        sites.body = self.t.state.site_loop.passes[-1].index
+        first = sites.first(start)
+        numbers = [sites.of_bits(sites.load(first, i), kind) for i, kind in zip(behind, column.layout.kinds, strict=True)]
+        return build(column.layout, iter(numbers))
+
     def column_at(self, column: Column, i: Any) -> Any:
         """The value of site i."""
         return self._of_site(column.array, i, *_behind(column), column.layout)
 
     def save_column(self, column: Column, value: Any) -> None:
         """Set the value of a site."""
-        loop, sites = self.loops.present_loop("save"), column.array
-        loop.saved, sites.body = True, loop.passes[-1].index
+        self.loops.present_loop("save").saved = True
+        self.store(column, value)
+
+    def store(self, column: Column, value: Any) -> None:
+        """Set the value of a site, which may be set again."""
+        sites = column.array
+        sites.body = self.t.state.site_loop.passes[-1].index
         start, behind = _behind(column)
         first = sites.first(start)
         for x, kind, i in zip(self._leaves(column, value), column.layout.kinds, behind, strict=True):

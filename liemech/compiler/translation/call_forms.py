@@ -21,6 +21,7 @@ from ...formulas.classes.records import Record
 from ...formulas.numbers.pairs import PAIRS
 from ...formulas.tables import Table
 from ...formulas.vectors import Mat, Vec
+from ..buffers import SiteRows
 from ..numbers.ir_numbers import F64, I64, Num
 from .aliases import lists
 
@@ -154,9 +155,9 @@ class CallForms:
         )
 
     def parameters(
-        self, env: dict[str, Any], active: Any, call: Call, inner: list[Num], general: bool
+        self, env: dict[str, Any], active: Any, call: Call, inner: list[Num], general: bool, has_sites: bool
     ) -> tuple[dict[str, Any], list[Any]]:
-        """The arguments as the function sees them, and their parts."""
+        """The arguments as the function sees them, and their parts.  has_sites : does it loop over sites?"""
         of = {x.values: y for x, y in zip(call.passed(general), inner)}
         constants = iter([inner[i] for i in call.constants] if general else [])
         loaded: dict[int, Num] = {}
@@ -174,6 +175,8 @@ class CallForms:
                 return loaded[place]
             if type(x) is float:
                 return next(constants) if general and inside else x
+            if isinstance(x, SiteRows) and has_sites:
+                return SiteRows(self.emitter, *x.numbers)
             if self._is_constant(x) or not isinstance(x, _STRUCTURES):
                 return x
             if id(x) in places:
@@ -246,4 +249,4 @@ class CallForms:
 
 
 _STRUCTURES = (Vec, Mat, *PAIRS, tuple, list, Record, Table)
-_OBJECTS = (types.FunctionType, types.BuiltinFunctionType, type, np.ndarray, np.generic, range, Layout)
+_OBJECTS = (types.FunctionType, types.BuiltinFunctionType, type, np.ndarray, np.generic, range, Layout, SiteRows)

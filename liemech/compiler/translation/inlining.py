@@ -13,17 +13,19 @@ docs/proof/measured/compile_time.md has.
 from __future__ import annotations
 
 import contextlib
+import inspect
 import math
 from collections.abc import Iterator
 from typing import Any
 
+from ...errors import NotCompilable
 from ...formulas.classes.layouts import Layout
 from ..numbers.large_arrays import spans
 from . import state
 from .call_forms import Call, CallForms
 from .instructions import Growing, TooLong
 from .native_functions import NativeFunction, NativeFunctions, Small
-from .scopes import CallFrame
+from .scopes import CallFrame, bound
 from .state import Snapshot
 
 LONG = 2500
@@ -127,6 +129,17 @@ class Outliner:
         self.with_meetings |= {frame.source.function for frame in t.frames}
         t.state.begun[:] = [math.inf for _ in t.state.begun]
         self.emitter.builder.room = math.inf
+
+    def of_all_sites(self, formula: Any, args: tuple[Any, ...], within: Any) -> None:
+        """A call of the native function of a formula that runs once for all sites, made at its first call of this form."""
+        source = self.translator.reads.source(formula)
+        env = bound(inspect.signature(formula), source.name, args, {})
+        call = self.forms.call_of(formula, env)
+        if call is None:
+            raise NotCompilable("what runs once for all sites, of an argument that is no number, record or place of sites")
+        frame = CallFrame(source, source.node, env)
+        native = self.natives.get(call.known) or self.make(call.known, call, frame, env, False, within=within)
+        self.functions.emit(native, call, False)
 
     def _within_limit(self, frame: CallFrame, env: dict[str, Any]) -> Any:
         """The value of a call, written out unless the formula turns out to be too large, else as a native function."""
@@ -241,11 +254,12 @@ class Outliner:
         general: bool,
         least: int = 0,
         copied: bool = False,
+        within: Any = None,
     ) -> NativeFunction | None:
         """The native function of a formula, for calls of this form; None if calls must be written out."""
         name = f"{frame.source.function.__name__}.{len(self.natives)}"
         try:
-            native = self.functions.make(name, call, frame, env, general, least, copied)
+            native = self.functions.make(name, call, frame, env, general, least, copied, within)
         except Small:
             native = None
             self.natives.setdefault(call.known)

@@ -13,7 +13,7 @@ from ...errors import NotCompilable
 from ...formulas.classes.layouts import Layout
 from ...formulas.classes.taken_back import journal
 from .. import driver
-from ..buffers import NativeArray, arguments, entrance, hidden, unchanged
+from ..buffers import NativeArray, SiteRows, arguments, arrays_of, entrance, unchanged
 from ..changes.dependencies import Reads
 from ..driver import Kind, layout_of_kind
 from ..machine import llvm
@@ -103,7 +103,8 @@ def _translation(
     sites = SiteLoops(interpreter, lanes, width)
     interpreter.intrinsics |= sites.intrinsics | RowsInLanes(interpreter, width).intrinsics
     if of_sites:
-        sites.scratch, sites.notes, sites.crew = hidden(emitter, kinds, args, function)
+        _, integer = next(a.numbers for a in args if isinstance(a, SiteRows))
+        sites.enter(arrays_of(kinds), integer)
     try:
         with journal():
             interpreter.call(entry, *args)

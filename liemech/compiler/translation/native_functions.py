@@ -18,6 +18,9 @@ from .instructions import Names, TooLong
 from .joins import Open
 from .scopes import CallFrame
 
+ARGUMENTS = 6
+"""Arguments of a kernel."""
+
 RETURNED = 64
 """Registers of results up to which a native function returns them; more it writes into memory."""
 
@@ -31,6 +34,7 @@ class NativeFunction:
     """A native function made of a formula."""
 
     function: ir.Function
+    heads: int  # so many of the kernel's arguments come first
     memory: ir.Type | None  # the type of its results, where they are too many for registers
     recipe: tuple[str, Any]  # how the result is put together
     kinds: list[tuple[str, bool, bool]]  # of the returned numbers: kind, varying, mixed
@@ -54,24 +58,36 @@ class NativeFunctions:
     # -------------------------------------------------------------- the function
 
     def make(
-        self, name: str, call: Call, frame: CallFrame, env: dict[str, Any], general: bool, least: int, copied: bool
+        self,
+        name: str,
+        call: Call,
+        frame: CallFrame,
+        env: dict[str, Any],
+        general: bool,
+        least: int,
+        copied: bool,
+        within: Any = None,
     ) -> NativeFunction | None:
         """The native function for calls of this form; None if the formula must be written out.
         Raises Small if it has fewer instructions than `least`.
 
         copied : LLVM puts a copy of it in the place of each call.  It counts as written out.
+        within : of a function that has all sites, the context in which it is translated; it has the kernel's arguments.
         """
         t, e, b = self.translator, self.emitter, self.emitter.builder
         active, failed = t.active(t.frames[-1].env), t.state.failed if t.state.escapes else []
         passed = call.passed(general)
-        function = self._declared(b.module.get_unique_name(name), passed, len(failed), copied)
+        heads = 1 if within is None else ARGUMENTS
+        function = self._declared(b.module.get_unique_name(name), passed, len(failed), copied, heads)
         native = None
         try:
-            with self._within(function, copied):
+            with self._within(function, copied), contextlib.ExitStack() as stack:
                 b.position_at_end(function.append_basic_block("entry"))
-                values = iter(function.args[1:])
+                if within is not None:
+                    stack.enter_context(within())
+                values = iter(function.args[heads:])
                 inner = [Num(e, tuple(next(values) for _ in x.values), x.kind, x.mixed) for x in passed]
-                arguments, parts = self.forms.parameters(env, active, call, inner, general)
+                arguments, parts = self.forms.parameters(env, active, call, inner, general, heads > 1)
                 t.state.base = arguments.pop("<mask>")
                 if failed:
                     t.state.failed, t.state.escapes = e.slot(), [[]]
@@ -86,7 +102,7 @@ class NativeFunctions:
                 size = b.emitted - before
                 if b.emitted < least:
                     raise Small
-                native = self._finished(function, result, inner, parts, copied)
+                native = self._finished(function, heads, result, inner, parts, copied)
                 if copied:
                     function.size, native.size, native.spent = size, size, t.state.spent
                 else:
@@ -94,17 +110,20 @@ class NativeFunctions:
         except TooLong:
             raise
         except NotCompilable:
-            pass
+            if within is not None:
+                raise
         finally:
             if native is None:
                 del b.module.globals[function.name]
         return native
 
-    def _declared(self, name: str, passed: list[Num], failed: int, copied: bool) -> ir.Function:
-        """A function without a body: of these numbers, and of a mask of failed lanes in this number of registers."""
+    def _declared(self, name: str, passed: list[Num], failed: int, copied: bool, heads: int) -> ir.Function:
+        """A function without a body: of the first arguments of the kernel, of these numbers, and of a mask of failed
+        lanes in this number of registers.
+        """
         b, e = self.emitter.builder, self.emitter
-        of_kernel = b.function.args[0].type
-        types = [of_kernel, *(e.type(x.kind, x.varying) for x in passed for _ in x.values)]
+        types = [x.type for x in b.function.args[:heads]]
+        types += [e.type(x.kind, x.varying) for x in passed for _ in x.values]
         types += [e.type("b", e.lanes > 1)] * failed
         function = ir.Function(b.module, ir.FunctionType(ir.VoidType(), types), name)
         function.linkage, function.calling_convention = "internal", "fastcc"
@@ -112,7 +131,8 @@ class NativeFunctions:
         for fact in ("alwaysinline" if copied else "noinline", "nounwind"):
             function.attributes.add(fact)
         if not copied:
-            function.args[0].add_attribute("noalias")
+            for pointer in function.args[: min(heads, 3)]:
+                pointer.add_attribute("noalias")
             if e.lanes > 1:
                 function.attributes.alignstack = 8 * e.width
         return function
@@ -132,7 +152,7 @@ class NativeFunctions:
             t.state, e.calls = outer, calls
 
     def _finished(
-        self, function: ir.Function, result: Any, inner: list[Num], parts: list[Any], copied: bool
+        self, function: ir.Function, heads: int, result: Any, inner: list[Num], parts: list[Any], copied: bool
     ) -> NativeFunction:
         """Let the function return its numbers, the lanes that have failed, and whether all have."""
         e, state = self.emitter, self.translator.state
@@ -156,6 +176,7 @@ class NativeFunctions:
         self._retyped(function, type_ if kinds else None, buffer)
         return NativeFunction(
             function,
+            heads,
             type_ if buffer is not None else None,
             recipe,
             [(x.kind, x.varying, x.mixed) for x in numbers],
@@ -225,7 +246,7 @@ class NativeFunctions:
         """A call of the function, and its value."""
         t, b, e = self.translator, self.emitter.builder, self.emitter
         passed = call.passed(general)
-        arguments = [b.function.args[0], *(v for x in passed for v in x.values)]
+        arguments = [*b.function.args[: native.heads], *(v for x in passed for v in x.values)]
         if t.state.escapes:
             arguments += e.load(t.state.failed).values
         if native.memory is not None:

@@ -38,6 +38,8 @@ def work_of(system: LinkedBodies, full: bool) -> Layout:
     return named(
         **constant_layouts(system, BLOCK if full else SIX),
         **STANDING,
+        state=carried_layout(BodyState(REST6, mat(*[vec(*[0.0] * 4)] * 4))),  # at which the reduced equation is asked for
+        rate_on_cotangent=vector(12),  # the velocity there, (xi, f + F - G* lam)
         **motion_layouts(system),
         **load_layouts(system),
         equations=equations_of(system),
@@ -50,6 +52,7 @@ def constant_layouts(system: LinkedBodies, inertia: Layout) -> dict[str, Layout]
         inertia=inertia,  # J of the body
         inverse=inertia,  # J^-1
         weight=NUMBER,
+        share=NUMBER,  # in sums of squares over all places, by which these are means over bodies: its root
         ends=ENDS,  # of the joint: first and second body, is there a second one, the kind
         alive=vector(system.most),  # which of its conditions count
         lightness=NUMBER if system.geared else NOTHING,  # 1/A of its rotor
@@ -151,7 +154,8 @@ class LinkedBodies(System):
     the sides on which it is, and the block.  order : of elimination.  pulled : do potentials of bodies count among the
     forces?
     meshes : do joints share rotors?  mesh : how many pairs of such joints; of each both, and the block; meshing : the rate
-    that the one gains by an impulse of the other.  near : with how many others a joint has a body in common, at most.
+    that the one gains by an impulse of the other.  near : with how many others a joint has a body in common, at most.  one_body : the equation of
+    one of the bodies.
     """
 
     jointed: ClassVar[bool] = True
@@ -183,6 +187,7 @@ class LinkedBodies(System):
     mesh: Any
     meshing: Any
     near: float
+    one_body: Any = None
 
     @property
     def loaded(self) -> bool:
@@ -234,6 +239,10 @@ class LinkedBodies(System):
             for b in range(int(self.bodies)):
                 to = jump_at(work.force_parameters, len(self.fields), b, work.acting.at(b), t, to, ending.every)
         return to
+
+    def at_place(self, sites: Any, memory: Any) -> Any:
+        """The equation of one body."""
+        return with_fields(self.one_body, links=self, sites=sites, memory=memory)
 
     def at_time(self, t: float) -> Any:
         """The bodies and joints at time t."""

@@ -6,7 +6,6 @@ from typing import Any
 
 from ...errors import InvalidInput
 from ...rooms.sites.runs.plan import SitesOfPlan
-from .adaptive_steps_of_links import AdaptiveStepsOfLinks
 from .runs import LinksRun, linked_method
 
 
@@ -32,10 +31,6 @@ class LinksOfPlan(SitesOfPlan):
     def method(self) -> Any:
         """The method of fixed steps, as that of all bodies and joints."""
         return linked_method(self.plan)
-
-    def embedded(self, curves: bool) -> Any:
-        """That of adaptive steps.  curves : is the way of a step kept?"""
-        return AdaptiveStepsOfLinks.of_method(self.plan._steps.method, curves)
 
     def missing(self, t_eval: Any, checkpoint: Any, members: bool) -> str | None:
         """As of many sites, and adaptive steps of each member."""

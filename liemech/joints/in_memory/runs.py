@@ -36,12 +36,10 @@ from ...simulation.compiled.parameters import places_of
 from ...simulation.keep import Quantities
 from ...simulation.result import AsItIs
 from ...systems.system import small_state
-from .adaptive_steps_of_links import OVERFLOWED, AdaptiveStepsOfLinks
 from .links import BROKEN, DEAD_POINT, READY, LinkedBodies
 from .loads_of_links import THROWN
 from .multiple_time_steps_of_links import MultipleTimeStepsOfLinks
 from .rattle_of_links import RattleOfLinks
-from .stages_of_links import StagesOfLinks
 from .taylor_of_links import TaylorOfLinks, terms_of
 
 SHORT, LOW = 3, 4
@@ -62,7 +60,7 @@ def linked_method(plan: Any) -> Any:
     if plan.adaptive:
         method = plan._steps.method
         if type(method) is RKMK and method.tableau.explicit and not special:
-            return AdaptiveStepsOfLinks.of_method(method, True)
+            return method
         return written_out(method, "adaptive steps")
     method, ending = plan._steps.way_of(0), None
     if isinstance(method, EndingAtJumps):
@@ -72,7 +70,7 @@ def linked_method(plan: Any) -> Any:
     explicit = type(method) is RKMK and method.tableau.explicit
     by_flows = isinstance(method, CommutatorFree) and plan._steps.precision == "double"
     if explicit or by_flows:
-        return stages_of(method) if ending is None and not special else None
+        return method if ending is None and not special else None
     if type(method) is Taylor:
         for has, what in (
             (ending is not None, "steps that end where inputs jump"),
@@ -110,16 +108,6 @@ def written_out(method: Any, what: str) -> None:
             f"{method!r}: by loops over bodies and joints there are no {what}. RKMK(order=5) may have them; "
             f"Taylor(order={min(method.order, 14)}, retraction=Exponential()) writes the equation out for all bodies, slowly"
         )
-
-
-def stages_of(method: Any) -> StagesOfLinks:
-    """An explicit RKMK or commutator-free method as that of many bodies and joints."""
-    if isinstance(method, CommutatorFree):
-        tableau: Any = method.tableau
-        flows_to = [tableau.way(i) or ((0.0,),) for i in range(len(tableau.flows))]
-        return StagesOfLinks.of_flows(method, flows_to, tableau.c[:-1])
-    tableau = method.tableau.bare
-    return StagesOfLinks.of_flows(method, [[row] for row in (*tableau.A, tableau.b)], tableau.c)
 
 
 def taylor_of(method: Taylor, site: LinkedBodies) -> TaylorOfLinks:
@@ -210,7 +198,7 @@ class LinksRun(SiteRun):
         """
         self.workers = 1
         form = self.plan._one.linked
-        before = 2 * width + self.shape.method.room
+        before = 2 * width + getattr(self.shape.method, "room", 0)
         planes = Planes.of_rows(before + len(form.fixed) + form.working_rows, self.count)
         self.of = columns(Planes(planes.array[before:], self.count), work=form.links.work).work.fields
         self.work[: len(form.fixed), : self.count] = form.fixed
@@ -296,13 +284,6 @@ class LinksRun(SiteRun):
         dense, all_steps = self.plan.options.dense, asked is None
         return dense is True or (dense is None and all_steps and self.plan.recorder is None), all_steps
 
-    def _attend(self) -> None:
-        """As of sites; without a velocity at its start there is no run."""
-        if self.adaptive and self.of.ready.at(0) > READY:
-            t = self.clocks.item(TIME, 0)
-            raise ended(self, self._why(self.failures, 0, None), f"at the start, t = {t:g}")
-        super()._attend()
-
     # ---------------------------------------------------------------- functions of the state
 
     @functools.cached_property
@@ -335,8 +316,6 @@ class LinksRun(SiteRun):
             t = float(self.clocks[TIME, 0])
             share = self.plan.method.tableau.reach if isinstance(self.plan.method, Composition) else 1.0
             return bound_refusal(self.plan.method, system, t, state.mu, state.g, h, share)
-        if joint == OVERFLOWED:
-            return NotFinite(OVERFLOW)
         if joint < 0.0:
             return NoConvergence(
                 f"{method}: no velocity found that fits the loads at the end of a step; try h = {0.25 * self.h:g}"

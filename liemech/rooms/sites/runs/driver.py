@@ -79,6 +79,10 @@ class OverSites(OfMethod):
         """As it is: what is told is written."""
         return value
 
+    def at_site(self, system: Any) -> Any:
+        """The system as this site has it."""
+        return at_this_site(system, self.sites, self.memory)
+
     def of_site(self, here: int) -> Any:
         """The memory of the method for this site, in one of its copies."""
         return load(self.sites, here, self.memory)
@@ -118,29 +122,20 @@ class OverSites(OfMethod):
         mean square of those of the sites.
         """
         there = 1 - place.copy
-        if self.method.together:
-            self.method.trial_together(self, system, t, h, rtol, atol, place.copy, there)
-        else:
-            each(self.sites, one_trial, self, system, t, h, rtol, atol, dense, place.copy, there)
+        each(self.sites, one_trial, self, system, t, h, rtol, atol, dense, place.copy, there)
         error, share = read(self.told, 0, PAIR)
         return TrialStep(Place(there), first, error, (), share)
 
     def first_velocity(self, system: Any, t: float, place: Place, rtol: float, atol: float) -> tuple[Vec, float, float]:
         """The velocities at the start, put beside the states, and their sizes."""
-        if self.method.together:
-            self.method.velocities_together(self, system, t, rtol, atol, place.copy)
-        else:
-            each(self.sites, one_velocity, self, system, t, rtol, atol, place.copy)
+        each(self.sites, one_velocity, self, system, t, rtol, atol, place.copy)
         return vec(0.0), *read(self.told, 0, PAIR)
 
     def change_of_velocity(
         self, system: Any, t: float, place: Place, first: Vec, h: float, rtol: float, atol: float
     ) -> float:
         """The size of the change of the velocities in an Euler step."""
-        if self.method.together:
-            self.method.change_together(self, system, t, h, rtol, atol, place.copy)
-        else:
-            each(self.sites, one_change, self, system, t, h, rtol, atol, place.copy)
+        each(self.sites, one_change, self, system, t, h, rtol, atol, place.copy)
         size: float = read(self.told, 0, PAIR)[0]
         return size
 
@@ -191,19 +186,19 @@ class OverSitesToJumps(OverSites):
 def one_anew(sites: OverSites, system: Any, h: float, here: int) -> None:
     """One site begins anew, for steps of another length."""
     shown = sample(sites.method, sites.of_site(here))
-    save(sites.sites, here, fitted(sites.method.start(at_this_site(system), shown, h), sites.memory), sites.memory)
+    save(sites.sites, here, fitted(sites.method.start(sites.at_site(system), shown, h), sites.memory), sites.memory)
 
 
 def one_step(sites: OverSites, system: Any, t: float, h: float, here: int, there: int) -> None:
     """A step of one site."""
-    new, shown = stepped(sites.method, at_this_site(system), t, sites.of_site(here), h, sites.memory)
+    new, shown = stepped(sites.method, sites.at_site(system), t, sites.of_site(here), h, sites.memory)
     require_finite(shown)
     save(sites.sites, there, new, sites.memory)
 
 
 def one_rate(sites: OverSites, system: Any, t: float, here: int) -> None:
     """The velocity of one site, which is to be finite."""
-    at_site, state = at_this_site(system), sample(sites.method, sites.of_site(here))
+    at_site, state = sites.at_site(system), sample(sites.method, sites.of_site(here))
     require_finite(at_site.rate(t, at_site.essential_part(state)))
 
 
@@ -264,7 +259,7 @@ def one_trial(
 ) -> None:
     """A step on probation of one site."""
     old, method = sites.of_site(here), sites.method.method
-    trial = method.trial(at_this_site(system), t, old.state, old.velocity, h, rtol, atol, dense)
+    trial = method.trial(sites.at_site(system), t, old.state, old.velocity, h, rtol, atol, dense)
     new = Standing(trial.state, trial.velocity, trial.curve)
     require_finite(new)
     write(sites.told, 0, (trial.error, trial.share), PAIR)
@@ -274,7 +269,7 @@ def one_trial(
 def one_velocity(sites: OverSites, system: Any, t: float, rtol: float, atol: float, here: int) -> None:
     """The velocity of one site at the start."""
     old = sites.of_site(here)
-    xi, speed, size = sites.method.method.first_velocity(at_this_site(system), t, old.state, rtol, atol)
+    xi, speed, size = sites.method.method.first_velocity(sites.at_site(system), t, old.state, rtol, atol)
     require_finite(xi)
     write(sites.told, 0, (speed, size), PAIR)
     save(sites.sites, here, Standing(old.state, xi, old.curve), sites.memory)
@@ -282,14 +277,14 @@ def one_velocity(sites: OverSites, system: Any, t: float, rtol: float, atol: flo
 
 def one_change(sites: OverSites, system: Any, t: float, h: float, rtol: float, atol: float, here: int) -> None:
     """The change of the velocity of one site in an Euler step."""
-    old, at_site = sites.of_site(here), at_this_site(system)
+    old, at_site = sites.of_site(here), sites.at_site(system)
     arguments = t, old.state, old.velocity, h, rtol, atol
     write(sites.told, 0, (sites.method.method.change_of_velocity(at_site, *arguments), 0.0), PAIR)
 
 
 def one_remake(sites: OverSites, system: Any, t: float, h: float, here: int) -> None:
     """The step of one site as on probation, without its error, which is that of all."""
-    old, at_site = sites.of_site(here), at_this_site(system)
+    old, at_site = sites.of_site(here), sites.at_site(system)
     if h == 0.0:
         require_finite(at_site.rate(t, at_site.essential_part(old.state)))
     else:

@@ -87,8 +87,12 @@ def in_shape(numbers: Any, shape: tuple[int, ...]) -> Any:
     return mat(*[numbers[n * k : n * (k + 1)] for k in range(shape[0])])
 
 
-def at_this_site(value: Any) -> Any:
-    """A record, such as a system, in which the energies of single sites have the parameters of this site."""
+def at_this_site(value: Any, sites: Any = None, memory: Any = None) -> Any:
+    """A record, such as a system, in which the energies of single sites have the parameters of this site; of bodies held
+    together by joints the equation of one of them, who are in `sites`, with the layout of what a method carries along.
+    """
+    if getattr(value, "jointed", False):
+        return value.at_place(sites, memory)
     return with_records(value, EachOfSites, [x.here() for x in records_in(value, EachOfSites)])
 
 
