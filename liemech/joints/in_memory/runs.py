@@ -31,7 +31,7 @@ from ...rooms.sites.runs.states import as_users_see, one_of, state_of_rows
 from ...simulation.between.dense import flat, unpacked
 from ...simulation.between.events import Moving
 from ...simulation.between.turning import looks_by_velocity, turning_of
-from ...simulation.compiled.control import TIME
+from ...simulation.compiled.control import MARK, TIME
 from ...simulation.compiled.parameters import places_of
 from ...simulation.keep import Quantities
 from ...simulation.result import AsItIs
@@ -270,7 +270,7 @@ class LinksRun(SiteRun):
                 shape.method.settle_anew(self.site, t, self.sites, copy, shape.memory)
         if stopped is not None:
             raise stopped
-        if not self.failures and self.of.reached.at(0) == DEAD_POINT:
+        if self.clocks[MARK, 0] == 0.0 and self.of.reached.at(0) == DEAD_POINT:
             joint, t = self.plan._one.label(int(self.of.failed_joint.at(0))), self.clocks.item(TIME, 0)
             warn(
                 f"{self.plan.method!r}: up to t = {t:g} a sample lies at a dead point, at {joint}, whose conditions depend "
@@ -308,7 +308,10 @@ class LinksRun(SiteRun):
             return failures[-1]
         system: Any = self.plan._one
         joint, reached = self.of.failed_joint.at(0), self.of.reached.at(0)
-        self.of.failed_joint.put(0, 0.0)
+        for column in (self.of.failed_joint, self.of.reached):
+            column.put(0, 0.0)
+        if not self.shape.method.together and joint == reached == 0.0:
+            return NotFinite(OVERFLOW)
         method = repr(self.plan.method)
         if joint == THROWN:
             numbers, h = self.shape.shown_rows(self._memory), abs(reached)

@@ -8,7 +8,7 @@ from typing import Any
 from ....compiler import kernel
 from ....errors import NoConvergence, NotFinite, is_mistake
 from ....formulas.sites import FEW, TooManySites, one_site
-from ....simulation.compiled.control import ANEW, EPSILON, MARK, STEP, STUCK, TIME, to_try
+from ....simulation.compiled.control import ANEW, EPSILON, MARK, REJECTED, STEP, STUCK, TIME, to_try
 from ....simulation.compiled.driver import advance
 from ....simulation.runs.course import told
 from ....simulation.runs.tolerance import too_small
@@ -43,14 +43,15 @@ def fail(run: Any) -> None:
         if run.overflowed is not None and isinstance(error, NoConvergence) and not hasattr(error, "site"):
             error.site = run.overflowed  # type: ignore[attr-defined]
         raise ended(run, error, at)
+    where = f"step {steps + 1}, t = {t:g}" if steps else f"at the start, t = {t:g}"
     if clock[MARK] == STUCK and clock[ANEW] == 0.0:
         error = failures[-1] if failures else None
-        raise (ended(run, error, f"step {steps + 1}, t = {t:g}") if is_mistake(error) else too_small_steps(run, error))
+        no_velocity = error is not None and not (steps or clock[REJECTED])
+        raise (ended(run, error, where) if no_velocity or is_mistake(error) else too_small_steps(run, error))
     h = 0.0 if clock[ANEW] else to_try(t, clock.item(STEP), goal.item(0), goal.item(3))[0]
     again: Any = *arguments[:3], h, here
     error = run._why(failures, run.notes, lambda i: one_site(run.count, i, one_remake, *again))
     if h == 0.0 or is_mistake(error):
-        where = f"step {steps + 1}, t = {t:g}" if steps else f"at the start, t = {t:g}"
         raise ended(run, error, where)
     clock[MARK], run.failures = 0.0, [error]
 
