@@ -8,7 +8,6 @@ from ..errors import IncompatibleSystem, InvalidType, undefined
 from ..formulas import Record, Vec, dot, record, sqrt, vec
 from ..formulas.classes.records import fields_of
 from ..formulas.numbers.bases import InMemory
-from ..formulas.sites import mean
 from ..groups.retractions import Retraction
 from ..systems.system import State, System, lies_in_memory
 
@@ -236,7 +235,7 @@ def sizes(system: Any, state: Any, omega: Vec, rtol: float, atol: float) -> tupl
             sqrt(mean_square_of_parts(change, scale, rtol, atol)),
             sqrt(mean_square_of_parts(scale, scale, rtol, atol)),
         )
-    total = mean(mean_squares(change, scale, rtol, atol))
+    total = system.mean_over_sites(mean_squares(change, scale, rtol, atol))
     return sqrt(total[0]), sqrt(total[1])
 
 

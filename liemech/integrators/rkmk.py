@@ -9,7 +9,6 @@ from ..formulas import Record, Vec, dot, gradient, plain, record, sqrt, vec, whe
 from ..formulas.numbers.bases import InMemory
 from ..formulas.numbers.sizes import one_norms
 from ..formulas.numbers.transposes import ruled
-from ..formulas.sites import mean
 from ..groups.bernoulli import BERNOULLI, TERMS
 from ..groups.lie_algebra import sided
 from ..groups.retractions import Exponential, Retraction
@@ -196,7 +195,7 @@ class RKMK(Method):
         omega = combination(tableau.b, slopes, h)
         new = system.displaced(self.retraction, state, omega)
         velocity = system.rate(t + h, system.essential_part(new))
-        squares = [mean(x) for x in self.squares(system, state, new, slopes, h, rtol, atol)]
+        squares = [system.mean_over_sites(x) for x in self.squares(system, state, new, slopes, h, rtol, atol)]
         if dense and tableau.interpolant:
             slopes = self._more(tableau.A_extra, tableau.c_extra, slopes, system, t, start, first, h)
         curve = self.curve(system, slopes, first, omega, velocity, h) if dense else ()

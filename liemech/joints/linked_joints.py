@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -230,7 +229,7 @@ def put_bodies(of: Any, mechanism: Any, first_joint: dict[tuple[int, int], Any],
         write(of.inverse, place, (np.linalg.inv(J) if full else 1.0 / J).ravel())
         of.first_joints.put(place, (*first_joint.get((place, 0), none), *first_joint.get((place, 1), none)))
     write(of.weight, slice(len(links)), [link.mass * mechanism.gravity for link in links])
-    write(of.share, slice(len(links)), math.sqrt(of.share.array.shape[1] / len(links)))
+    write(of.counts, slice(len(links)), 1.0)
 
 
 def put_joints(

@@ -17,6 +17,7 @@ from ..formulas.classes.records import fields_of, names_of
 from ..formulas.classes.remembered import Remembered
 from ..formulas.large import Large
 from ..formulas.numbers.double_double import DoubleDouble, is_long
+from ..formulas.sites import mean
 from ..formulas.vectors import Vec as SmallVec
 from ..formulas.vectors import small
 from ..groups.lie_group import LieGroup
@@ -168,6 +169,10 @@ class System(Record):
     def essential_part(self, state: State) -> Any:
         """The part of the state that the velocity depends on; parts that are None in it need not be recorded."""
         return state
+
+    def mean_over_sites(self, value: Any) -> Any:
+        """The mean of a number or a vector over all sites; of one body the value itself."""
+        return mean(value)
 
     @property
     def runs_by_sites(self) -> Any:

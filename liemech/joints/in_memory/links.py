@@ -52,7 +52,7 @@ def constant_layouts(system: LinkedBodies, inertia: Layout) -> dict[str, Layout]
         inertia=inertia,  # J of the body
         inverse=inertia,  # J^-1
         weight=NUMBER,
-        share=NUMBER,  # in sums of squares over all places, by which these are means over bodies: its root
+        counts=NUMBER,  # 1; 0 in places behind the bodies
         ends=ENDS,  # of the joint: first and second body, is there a second one, the kind
         alive=vector(system.most),  # which of its conditions count
         lightness=NUMBER if system.geared else NOTHING,  # 1/A of its rotor

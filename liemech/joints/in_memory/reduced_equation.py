@@ -14,7 +14,8 @@ from typing import Any
 from ...compiler.sites.planes import columns, each
 from ...formulas import Vec, cross, derivative, dot, mat, plain, record, vec
 from ...formulas.classes.layouts import Layout
-from ...formulas.sites import once, present_site
+from ...formulas.classes.records import with_fields
+from ...formulas.sites import once, total
 from ...groups.rigid.se3 import SE3
 from ...systems.kinetic_energy import KineticEnergy, times
 from ...systems.lie_poisson import BodyState, LiePoissonSystem
@@ -46,19 +47,19 @@ class BodyAmongJoints(System):
         """T*SE(3)."""
         return FREE.group
 
-    def essential_part(self, state: BodyState) -> BodyState:
-        """The state."""
-        return state
-
     def displaced(self, retraction: Any, state: BodyState, omega: Vec) -> BodyState:
         """The state of a free body, displaced."""
         moved: BodyState = FREE.displaced(retraction, state, omega)
         return moved
 
     def variation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
-        """As of a free body; so that means over all places are those over all bodies."""
-        change, size = FREE.variation(state, omega)
-        return work_in(self.sites, self.memory, self.links).share.load() * change, size
+        """The variation of the state of a free body."""
+        change, sizes = FREE.variation(state, omega)
+        return change, sizes
+
+    def mean_over_sites(self, value: Any) -> Any:
+        """The mean over all bodies: places behind them do not count."""
+        return total(work_in(self.sites, self.memory, self.links).counts.load() * value) / self.links.bodies
 
     def rate(self, t: float, state: BodyState) -> Vec:
         """The velocity on T*SE(3), (xi, f + F - G* lam)."""
@@ -83,8 +84,8 @@ def multipliers(system: Any, t: float, sites: Any, memory: Layout) -> None:
     if system.loaded:
         loads(system, t, 1, 1.0, sites, state, state, work)
     each(sites, accelerated, system, state, work)
-    each(sites, excess_of, system, work, equations)
-    each(sites, curved, system, state, work, equations)
+    each(sites, excess_of, with_fields(system, rheonomic=False), work, equations)  # paces count below
+    each(sites, curved, system.at_time(t), t, state, work, equations)
     assembled(system, sites, equations.sides, 1.0, 1.0, work, equations)
     require_multipliers(system, work, equations)
     pulled_by_solution(system, sites, work, equations)
@@ -100,15 +101,20 @@ def accelerated(system: Any, state: Any, work: Any) -> None:
     work.velocity.save(times(inverse, pull))
 
 
-def curved(system: Any, state: Any, work: Any, equations: Any) -> None:
-    """Add to the right side of a joint the curvature of its conditions, d/ds G(g exp(s xi)) xi."""
+def curved(system: Any, t: float, state: Any, work: Any, equations: Any) -> None:
+    """Add to the right side of a joint the curvature of its conditions, d/ds [G(t + s, g exp(s xi)) xi + dc/dt]."""
     (g, k), (xi, eta) = poses_of(state, work), both(work.free_at_end, work)
     eta = work.ends.load()[2] * eta
 
     def curvature(joint: Any) -> Vec:
         def speed(s: float) -> Vec:
-            sides = joint.rows(moved_along(g, xi, s), moved_along(k, eta, s), system.most, 0)
-            return vec(*speeds(sides, (xi, eta)))
+            later, poses = joint, (moved_along(g, xi, s), moved_along(k, eta, s))
+            if system.rheonomic:
+                later = joint.at_time(t + s)
+            rates = speeds(later.rows(*poses, system.most, 0), (xi, eta))
+            if system.rheonomic:
+                rates = [x + pace for x, pace in zip(rates, later.paces(*poses, system.most, 0))]
+            return vec(*rates)
 
         return derivative(speed, 0.0)
 

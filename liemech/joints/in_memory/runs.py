@@ -56,10 +56,9 @@ def linked_method(plan: Any) -> Any:
     system, site = plan._one, plan._one.site_form
     if not isinstance(site, LinkedBodies) or plan.fictive:
         return None
-    special = site.rheonomic or site.geared
     if plan.adaptive:
         method = plan._steps.method
-        if type(method) is RKMK and method.tableau.explicit and not special:
+        if type(method) is RKMK and method.tableau.explicit and not site.geared:
             return method
         return written_out(method, "adaptive steps")
     method, ending = plan._steps.way_of(0), None
@@ -70,7 +69,7 @@ def linked_method(plan: Any) -> Any:
     explicit = type(method) is RKMK and method.tableau.explicit
     by_flows = isinstance(method, CommutatorFree) and plan._steps.precision == "double"
     if explicit or by_flows:
-        return method if ending is None and not special else None
+        return method if ending is None and not site.geared else None
     if type(method) is Taylor:
         for has, what in (
             (ending is not None, "steps that end where inputs jump"),
