@@ -1,12 +1,12 @@
 """Sites, the parts of one system: formulas of one site, in which it meets the others.
 
 A formula of a site publishes what others need of it (`meet`), asks for what they have published,
-for its own parameters (`own`), for sums over all sites (`total`), and for sweeps (`repeated`).  In plain Python every
-site runs again and again, up to what it asks next; native code divides the formula into loops over the sites there.
-Both give the same bits.
+for its own parameters (`own`), for sums over all sites (`total`), for sweeps (`repeated`), and for what one formula finds
+for all of them (`once`).  In plain Python every site runs again and again, up to what it asks next; native code divides
+the formula into loops over the sites there.  Both give the same bits.
 
 All sites ask alike: not in a branch or a loop of unknown length, and before a site saves anything.  What was published
-may be asked for up to the next `meet`; what a site has computed is kept across all words.
+may be asked for up to the next `meet` or `once`; what a site has computed is kept across all words.
 """
 
 from __future__ import annotations
@@ -372,7 +372,8 @@ def repeated(
 
 def once(formula: Callable[..., None], question: Any, value: Any, answer: Any, *args: Any) -> Any:
     """All sites have come here, each with a value in the column `question`; a formula runs once for all of them, in which
-    they may be looped over; and each goes on with its value in the column `answer`.
+    they may be looped over; and each goes on with its value in the column `answer`.  Columns that the formula sets are
+    asked for in no other way.  One thread makes such steps.
     """
     visit = _visit("once")
     return visit.ask("once", (formula, question, value, answer, args))[visit.site]

@@ -27,7 +27,7 @@ integrators > integrators.kicks: explicit_kicks kick_drift lie_verlet multiple_t
 models > joints: body_forces given_motion joint_forces joint_motion joints link linkage linked_joints mounting
 models > joints: rolling urdf
 integrators > joints.in_memory: multiple_time_steps_of_links rattle_of_links
-integrators > joints.in_memory: rkmk_of_links=stages_of_links taylor_of_links
+integrators > joints.in_memory: rkmk_of_links=reduced_equation taylor_of_links
 simulation.sites > joints.in_memory: links=runs
 models > models.bodies: carlson exact_rigid_body exact_top gravity heavy_top jacobi kirchhoff
 models > models.bodies: manakov_body orthogonal_body poisson_top polhode rigid_body

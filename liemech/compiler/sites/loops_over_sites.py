@@ -15,8 +15,8 @@ from typing import Any
 from llvmlite import ir
 
 from ...errors import NotCompilable
-from ...formulas.numbers.series_of_sites import SeriesMeeting
 from ...formulas.columns import Column
+from ...formulas.numbers.series_of_sites import SeriesMeeting
 from ...formulas.sites import TOGETHER, once
 from ..buffers import SiteRows, hidden
 from ..numbers.ir_numbers import I64, Num
@@ -70,7 +70,11 @@ class SiteLoops:
         self.rows_of_once = 0  # of scratch memory, which these need
         self.memory = SiteMemory(self)
         self.meetings = SiteMeetings(self)
-        self.intrinsics: dict[Any, Callable[..., Any]] = {planes.each: self.each, planes.some: self.some, once: self.once}
+        self.intrinsics: dict[Any, Callable[..., Any]] = {
+            planes.each: self.each,
+            planes.some: self.some,
+            once: self.once,
+        }
         for words in (self.memory, self.meetings, PairLoops(self), SquareBlocks(self)):
             self.intrinsics |= words.intrinsics
 

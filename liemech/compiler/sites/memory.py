@@ -106,7 +106,9 @@ class SiteMemory:
         sites, (start, behind) = column.array, _behind(column)
         sites.body = self.t.state.site_loop.passes[-1].index
         first = sites.first(start)
-        numbers = [sites.of_bits(sites.load(first, i), kind) for i, kind in zip(behind, column.layout.kinds, strict=True)]
+        numbers = [
+            sites.of_bits(sites.load(first, i), kind) for i, kind in zip(behind, column.layout.kinds, strict=True)
+        ]
         return build(column.layout, iter(numbers))
 
     def column_at(self, column: Column, i: Any) -> Any:

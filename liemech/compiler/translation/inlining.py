@@ -136,10 +136,14 @@ class Outliner:
         env = bound(inspect.signature(formula), source.name, args, {})
         call = self.forms.call_of(formula, env)
         if call is None:
-            raise NotCompilable("what runs once for all sites, of an argument that is no number, record or place of sites")
-        frame = CallFrame(source, source.node, env)
-        native = self.natives.get(call.known) or self.make(call.known, call, frame, env, False, within=within)
-        self.functions.emit(native, call, False)
+            raise NotCompilable(
+                "what runs once for all sites, of an argument that is no number, record or place of sites"
+            )
+        native = self.natives.get(call.known)
+        if native is None:
+            name, frame = f"{formula.__name__}.{len(self.natives)}", CallFrame(source, source.node, env)
+            native = self.natives[call.known] = self.functions.make(name, call, frame, env, False, 0, False, within)
+        self.functions.emit(native, call, False)  # type: ignore[arg-type]
 
     def _within_limit(self, frame: CallFrame, env: dict[str, Any]) -> Any:
         """The value of a call, written out unless the formula turns out to be too large, else as a native function."""
@@ -254,12 +258,11 @@ class Outliner:
         general: bool,
         least: int = 0,
         copied: bool = False,
-        within: Any = None,
     ) -> NativeFunction | None:
         """The native function of a formula, for calls of this form; None if calls must be written out."""
         name = f"{frame.source.function.__name__}.{len(self.natives)}"
         try:
-            native = self.functions.make(name, call, frame, env, general, least, copied, within)
+            native = self.functions.make(name, call, frame, env, general, least, copied)
         except Small:
             native = None
             self.natives.setdefault(call.known)

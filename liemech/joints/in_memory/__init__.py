@@ -4,7 +4,7 @@ links.py                  the system, and what each place has in memory, by name
 rattle_of_links.py        LieRATTLE; multiple_time_steps_of_links.py with slow forces between its steps
 elimination.py            impulses from joint to joint
 loads_of_links.py         kicks that depend on velocities; on_all_bodies.py: by one formula for all bodies
-stages_of_links.py        the reduced equation by RKMK and commutator-free methods; taylor_of_links.py: by power series
-adaptive_steps_of_links.py  steps as long as the error estimate of an RKMK method allows
+reduced_equation.py       the velocity of a body among others, for RKMK and commutator-free methods as they stand
+taylor_of_links.py        the reduced equation by power series
 runs.py                   runs, their events and errors; plan.py: of which plans
 """

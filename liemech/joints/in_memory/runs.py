@@ -36,7 +36,7 @@ from ...simulation.compiled.parameters import places_of
 from ...simulation.keep import Quantities
 from ...simulation.result import AsItIs
 from ...systems.system import small_state
-from .links import BROKEN, DEAD_POINT, READY, LinkedBodies
+from .links import BROKEN, DEAD_POINT, LinkedBodies
 from .loads_of_links import THROWN
 from .multiple_time_steps_of_links import MultipleTimeStepsOfLinks
 from .rattle_of_links import RattleOfLinks
