@@ -156,8 +156,8 @@ class LinkedBodies(System):
     the sides on which it is, and the block.  order : of elimination.  pulled : do potentials of bodies count among the
     forces?
     meshes : do joints share rotors?  mesh : how many pairs of such joints; of each both, and the block; meshing : the rate
-    that the one gains by an impulse of the other.  near : with how many others a joint has a body in common, at most.  one_body : the equation of
-    one of the bodies.
+    that the one gains by an impulse of the other.  near : with how many others a joint has a body in common, at most.
+    one_body : the equation of one of the bodies.
     """
 
     jointed: ClassVar[bool] = True
