@@ -14,7 +14,6 @@ from typing import Any
 from ...compiler.sites.planes import columns, each
 from ...formulas import Vec, cross, derivative, dot, mat, plain, record, vec
 from ...formulas.classes.layouts import Layout
-from ...formulas.classes.records import with_fields
 from ...formulas.sites import once, total
 from ...groups.rigid.se3 import SE3
 from ...systems.kinetic_energy import KineticEnergy, times
@@ -22,7 +21,7 @@ from ...systems.lie_poisson import BodyState, LiePoissonSystem
 from ...systems.mechanical import MechanicalSystem
 from ...systems.potential import NoPotential
 from ...systems.system import System
-from .elimination import assembled, excess_of, pulled_by_solution, require_multipliers
+from .elimination import assembled, free_answers, pulled_by_solution, require_multipliers, save_answers
 from .links import both, poses_of, pull_on, speeds
 from .loads_of_links import loads
 from .rattle_of_links import field
@@ -84,8 +83,7 @@ def multipliers(system: Any, t: float, sites: Any, memory: Layout) -> None:
     if system.loaded:
         loads(system, t, 1, 1.0, sites, state, state, work)
     each(sites, accelerated, system, state, work)
-    each(sites, excess_of, with_fields(system, rheonomic=False), work, equations)  # paces count below
-    each(sites, curved, system.at_time(t), t, state, work, equations)
+    each(sites, unhindered, system.at_time(t), t, state, work, equations)
     assembled(system, sites, equations.sides, 1.0, 1.0, work, equations)
     require_multipliers(system, work, equations)
     pulled_by_solution(system, sites, work, equations)
@@ -101,9 +99,12 @@ def accelerated(system: Any, state: Any, work: Any) -> None:
     work.velocity.save(times(inverse, pull))
 
 
-def curved(system: Any, t: float, state: Any, work: Any, equations: Any) -> None:
-    """Add to the right side of a joint the curvature of its conditions, d/ds [G(t + s, g exp(s xi)) xi + dc/dt]."""
-    (g, k), (xi, eta) = poses_of(state, work), both(work.free_at_end, work)
+def unhindered(system: Any, t: float, state: Any, work: Any, equations: Any) -> None:
+    """How a joint would accelerate off its conditions without multipliers, G J^-1 (ad*_xi mu + f + F) +
+    d/ds [G(t + s, g exp(s xi)) xi + dc/dt]; and the answers of free bodies to its impulses.
+    """
+    (g, k), (xi, eta), sides = poses_of(state, work), both(work.free_at_end, work), equations.sides.load()
+    save_answers(system, sides, free_answers(sides, work), 1.0, 1.0, work, equations)
     eta = work.ends.load()[2] * eta
 
     def curvature(joint: Any) -> Vec:
@@ -118,8 +119,8 @@ def curved(system: Any, t: float, state: Any, work: Any, equations: Any) -> None
 
         return derivative(speed, 0.0)
 
-    curvatures, residual = system.of_kind(work, curvature), equations.residual.load()
-    equations.residual.save(vec(*[x + a * y for x, a, y in zip(residual, work.alive.load(), curvatures)]))
+    curvatures, free = system.of_kind(work, curvature), speeds(sides, both(work.velocity, work))
+    equations.residual.save(vec(*[x + a * y for x, a, y in zip(free, work.alive.load(), curvatures)]))
 
 
 def moved_along(g: Any, xi: Vec, s: float) -> Any:

@@ -58,7 +58,7 @@ def linked_method(plan: Any) -> Any:
         return None
     if plan.adaptive:
         method = plan._steps.method
-        if type(method) is RKMK and method.tableau.explicit and not site.geared:
+        if type(method) is RKMK and method.tableau.explicit:
             return method
         return written_out(method, "adaptive steps")
     method, ending = plan._steps.way_of(0), None
@@ -69,7 +69,7 @@ def linked_method(plan: Any) -> Any:
     explicit = type(method) is RKMK and method.tableau.explicit
     by_flows = isinstance(method, CommutatorFree) and plan._steps.precision == "double"
     if explicit or by_flows:
-        return method if ending is None and not site.geared else None
+        return method if ending is None else None
     if type(method) is Taylor:
         for has, what in (
             (ending is not None, "steps that end where inputs jump"),
@@ -310,7 +310,7 @@ class LinksRun(SiteRun):
         for column in (self.of.failed_joint, self.of.reached):
             column.put(0, 0.0)
         if not self.shape.method.together and joint == reached == 0.0:
-            return NotFinite(OVERFLOW)
+            return failures[-1] if failures else NotFinite(OVERFLOW)
         method = repr(self.plan.method)
         if joint == THROWN:
             numbers, h = self.shape.shown_rows(self._memory), abs(reached)
