@@ -1,4 +1,4 @@
-"""Explicit methods of stages on the reduced equation of linkages."""
+"""Methods of stages on the reduced equation of linkages."""
 
 import numpy as np
 import pytest
@@ -40,7 +40,15 @@ def arm(kind):
 
 @pytest.mark.sample(1)
 @pytest.mark.parametrize(
-    "method", [lm.RKMK(order=3), lm.RKMK(order=6), lm.CommutatorFree(4), lm.CrouchGrossman(3)], ids=repr
+    "method",
+    [
+        lm.RKMK(order=3),
+        lm.RKMK(order=6),
+        lm.RKMK(tableau=lm.tableaus.gauss(1)),
+        lm.CommutatorFree(4),
+        lm.CrouchGrossman(3),
+    ],
+    ids=repr,
 )
 def test_steps_under_loads_are_those_of_the_equation_written_out(method):
     ours, theirs = (

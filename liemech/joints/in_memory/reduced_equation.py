@@ -46,6 +46,11 @@ class BodyAmongJoints(System):
         """T*SE(3)."""
         return FREE.group
 
+    @property
+    def unit_blocks(self) -> tuple[int, ...]:
+        """Those of a free body."""
+        return tuple(FREE.unit_blocks)
+
     def displaced(self, retraction: Any, state: BodyState, omega: Vec) -> BodyState:
         """The state of a free body, displaced."""
         moved: BodyState = FREE.displaced(retraction, state, omega)
@@ -53,8 +58,8 @@ class BodyAmongJoints(System):
 
     def variation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
         """The variation of the state of a free body."""
-        change, sizes = FREE.variation(state, omega)
-        return change, sizes
+        change_and_sizes: tuple[Vec, Vec] = FREE.variation(state, omega)
+        return change_and_sizes
 
     def mean_over_sites(self, value: Any) -> Any:
         """The mean over all bodies: places behind them do not count."""
@@ -83,7 +88,7 @@ def multipliers(system: Any, t: float, sites: Any, memory: Layout) -> None:
     if system.loaded:
         loads(system, t, 1, 1.0, sites, state, state, work)
     each(sites, accelerated, system, state, work)
-    each(sites, unhindered, system.at_time(t), t, state, work, equations)
+    each(sites, unhindered, system.at_time(t), state, work, equations)
     assembled(system, sites, equations.sides, 1.0, 1.0, work, equations)
     require_multipliers(system, work, equations)
     pulled_by_solution(system, sites, work, equations)
@@ -99,7 +104,7 @@ def accelerated(system: Any, state: Any, work: Any) -> None:
     work.velocity.save(times(inverse, pull))
 
 
-def unhindered(system: Any, t: float, state: Any, work: Any, equations: Any) -> None:
+def unhindered(system: Any, state: Any, work: Any, equations: Any) -> None:
     """How a joint would accelerate off its conditions without multipliers, G J^-1 (ad*_xi mu + f + F) +
     d/ds [G(t + s, g exp(s xi)) xi + dc/dt]; and the answers of free bodies to its impulses.
     """
@@ -111,7 +116,7 @@ def unhindered(system: Any, t: float, state: Any, work: Any, equations: Any) -> 
         def speed(s: float) -> Vec:
             later, poses = joint, (moved_along(g, xi, s), moved_along(k, eta, s))
             if system.rheonomic:
-                later = joint.at_time(t + s)
+                later = joint.at_time(system.clock[0] + s)
             rates = speeds(later.rows(*poses, system.most, 0), (xi, eta))
             if system.rheonomic:
                 rates = [x + pace for x, pace in zip(rates, later.paces(*poses, system.most, 0))]

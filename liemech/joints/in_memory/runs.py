@@ -58,17 +58,15 @@ def linked_method(plan: Any) -> Any:
         return None
     if plan.adaptive:
         method = plan._steps.method
-        if type(method) is RKMK and method.tableau.explicit:
-            return method
-        return written_out(method, "adaptive steps")
+        return method if type(method) is RKMK else written_out(method, "adaptive steps")
     method, ending = plan._steps.way_of(0), None
     if isinstance(method, EndingAtJumps):
         ending, method = (method if cuts(method, system) else None), method.method
     if isinstance(method, Composition):
         return rattle_of(method, method.base, [*zip(method.tableau.gamma, method.tableau.nodes)], site, ending)
     explicit = type(method) is RKMK and method.tableau.explicit
-    by_flows = isinstance(method, CommutatorFree) and plan._steps.precision == "double"
-    if explicit or by_flows:
+    in_doubles = plan._steps.precision == "double"
+    if explicit or (in_doubles and (type(method) is RKMK or isinstance(method, CommutatorFree))):
         return method if ending is None else None
     if type(method) is Taylor:
         for has, what in (

@@ -1,7 +1,9 @@
-"""RKMK and commutator-free methods of linkages in given motions, by the reduced equation in memory."""
+"""RKMK and commutator-free methods of linkages in given motions and with rotors, by the reduced equation in memory."""
 
 from __future__ import annotations
 
+import functools
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +11,7 @@ import pytest
 from test_links_in_memory import needs_compiler
 
 import liemech as lm
-from liemech.joints import Damper, Linkage, Shaking, chain
+from liemech.joints import Damper, Linkage, Mimic, Shaking, chain
 from liemech.simulation.runs.carry import SiteCarry
 
 T_END = 0.2
@@ -24,16 +26,30 @@ def shaken() -> tuple[Any, Any]:
     return made, made.state(angles={0: 0.3, 1: 0.2}, rates={0: 0.5})
 
 
+def geared() -> tuple[Any, Any]:
+    """Three rods with rotors, of which one turns with two of them."""
+    rods = chain(3, axis=[0.0, 1.0, 0.0])
+    joints = [replace(joint, armature=0.3) for joint in rods.joints]
+    made = Linkage(rods.links, joints, forces=[Damper(1, 0.1)], mimics=[Mimic(2, 1, 0.5)])
+    return made, made.state(angles={0: 0.3, 1: 0.2}, rates={0: 0.5, 1: 0.4})
+
+
 def end(made: Any, method: Any, steps: int, compiled: bool = False) -> Any:
     return lm.integrate(made[0], method, made[1], h=T_END / steps, steps=steps, compiled=compiled, progress=False)
 
 
+@functools.cache
+def by_rattle(mechanism: Any) -> Any:
+    """Where it leads, by the method that keeps conditions."""
+    return end(mechanism(), lm.Composition(lm.LieRATTLE(), order=6), 8)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.CommutatorFree(order=4)], ids=repr)
-def test_their_orders_beside_the_method_that_keeps_conditions(method: Any) -> None:
+@pytest.mark.parametrize("mechanism", [shaken, geared])
+def test_their_orders_beside_the_method_that_keeps_conditions(mechanism: Any, method: Any) -> None:
     """And conditions drift by the error of the method."""
-    made = shaken()
-    exact = end(made, lm.Composition(lm.LieRATTLE(), order=6), 24)
+    made, exact = mechanism(), by_rattle(mechanism)
     runs = [end(made, method, steps) for steps in (4, 8)]
     assert isinstance(runs[0].carry, SiteCarry)
     errors = [np.abs(run.g[-1] - exact.g[-1]).max() + np.abs(run.mu[-1] - exact.mu[-1]).max() for run in runs]
@@ -44,10 +60,22 @@ def test_their_orders_beside_the_method_that_keeps_conditions(method: Any) -> No
 
 @needs_compiler
 @pytest.mark.slow
-def test_native_steps_have_the_bits_of_plain_ones() -> None:
+@pytest.mark.parametrize("mechanism", [shaken, geared])
+def test_native_steps_have_the_bits_of_plain_ones(mechanism: Any) -> None:
     """Of fixed steps; and adaptive ones come as close as they are asked to."""
-    made, method = shaken(), lm.RKMK(order=5)
+    made, method = mechanism(), lm.RKMK(order=5)
     plain, native = (end(made, method, 4, compiled) for compiled in (False, True))
     assert native.compiled and np.array_equal(plain.mu, native.mu) and np.array_equal(plain.g, native.g)
     found = lm.Plan(made[0], method, rtol=1e-9, atol=1e-9, compiled=True).run(made[1], t_end=T_END)
     assert np.abs(found.g[-1] - end(made, lm.RKMK(order=8), 16).g[-1]).max() < 1e-8
+
+
+@needs_compiler
+@pytest.mark.slow
+def test_implicit_stages_settle_for_all_bodies_together() -> None:
+    """The midpoint rule, which is its own adjoint: back it comes where it began, natively with the bits of plain Python."""
+    made, method = geared(), lm.RKMK(tableau=lm.tableaus.gauss(1))
+    plain, native = (end(made, method, 3, compiled) for compiled in (False, True))
+    assert native.compiled and np.array_equal(plain.mu, native.mu) and np.array_equal(plain.g, native.g)
+    back = lm.Plan(made[0], method, h=-T_END / 3, compiled=True).resume(native, steps=3)
+    assert np.abs(back.g[-1] - native.g[0]).max() < 1e-13
