@@ -52,6 +52,7 @@ JOINTS: dict[str, tuple[Any, int]] = {
     "rod": (lm.joints.RigidRod(0, 1, A, B, 1.3), 5),
     "fixed": (lm.joints.FixedJoint(0, 1, A, B, lm.SO3().exp([0.4, -1.0, 0.3])), 0),
     "floating": (lm.joints.FloatingJoint(0, 1), 6),
+    "strut": (lm.joints.Strut(0, 1, A, B), 6),
 }
 """Joints with slanted axes, each with the freedoms that it leaves."""
 

@@ -17,6 +17,7 @@ from .joints import PlanarJoint as PlanarJoint
 from .joints import PrismaticJoint as PrismaticJoint
 from .joints import RevoluteJoint as RevoluteJoint
 from .joints import RigidRod as RigidRod
+from .joints import Strut as Strut
 from .joints import UniversalJoint as UniversalJoint
 from .link import Frame as Frame
 from .link import Link as Link

@@ -233,7 +233,7 @@ def moved(joint: Any, support: Any, path: Any, label: str) -> Any:
     at: Any = getattr(joint, "at_first", vec(0.0, 0.0, 0.0))
     held: Any = joint_alone
     if path is not None:
-        if joint.freedoms == 0:
+        if joint.freedoms == 0 or not joint.places:
             raise InvalidInput(
                 f"Linkage: {label}, a {type(joint).__name__}, has no coordinates that could follow a path"
             )

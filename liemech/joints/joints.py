@@ -106,6 +106,11 @@ class Joint(Record):
                 object.__setattr__(self, attribute, value / sqrt(dot(value, value)))
 
     @property
+    def places(self) -> bool:
+        """Do its coordinates determine the pose of the first body, seen from the second?"""
+        return self.conditions + self.freedoms >= 6
+
+    @property
     def angles(self) -> tuple[int, ...]:
         """The numbers of the coordinates that are angles about axes, seen modulo a turn."""
         each = self.turns if isinstance(self.turns, tuple) else (self.turns,) * self.freedoms
@@ -592,6 +597,46 @@ class RigidRod(Joint):
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
         """The row of the rod's length, along the rod."""
         n = (place(g, self.at_first) - place(k, self.at_second)) / self.length
+        return ((along(g, self.at_first, n), -along(k, self.at_second, n)),)
+
+
+@record
+class Strut(Joint):
+    """The line between a point of one body and a point of the other, which leaves all motions free, no conditions: a
+    Spring, a Damper or a Motor there, by its name, pushes both points along it.  Its coordinate is the distance
+    |x_1 - x_2|, in m.  Where the points meet the line has no direction, and nothing pushes.
+
+    at_first, at_second : the points, (3,), in m.
+
+    Source: Haug, Computer Aided Kinematics and Dynamics of Mechanical Systems (1989), chapter 11 (translational
+    spring-damper-actuator).
+    """
+
+    conditions: ClassVar[int] = 0
+    freedoms: ClassVar[int] = 1
+    turns: ClassVar[bool | tuple[bool, ...]] = False
+
+    at_first: Vec = ORIGIN
+    at_second: Vec = ORIGIN
+
+    def value(self, g: Mat, k: Mat) -> Vec:
+        """The empty vector: there are no conditions."""
+        return vec()
+
+    def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+        """The empty tuple: there are no conditions."""
+        return ()
+
+    def coordinates(self, g: Mat, k: Mat) -> Vec:
+        """The distance of the points."""
+        d = place(g, self.at_first) - place(k, self.at_second)
+        return vec(sqrt(dot(d, d)))
+
+    def motions(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+        """The rate of the distance: n . (x_1 - x_2)', n the direction of the line."""
+        d = place(g, self.at_first) - place(k, self.at_second)
+        length = sqrt(dot(d, d))
+        n = d / (length if length > 0.0 else 1.0)
         return ((along(g, self.at_first, n), -along(k, self.at_second, n)),)
 
 

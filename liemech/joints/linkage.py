@@ -597,7 +597,8 @@ class Linkage(ConstrainedBody):
 
         angles, rates : by the names or numbers of joints, such as {"elbow": 0.3}: angles in rad and
         shifts in m, and their rates; a vector where a joint leaves several free.  Those left out are
-        zero; in loops they are what the loops ask for, of rates those of the least kinetic energy.
+        zero; in loops, and where a strut has a length, they are what these ask for, of rates those of the least kinetic
+        energy.
         near : poses, (N, 4, 4), from which those of loops are looked for.  t : when, for motions that are
         given; joints that follow a path have its angles and rates.
         Raises NoConvergence where a loop cannot be closed, InvalidInput for rates that the joints do
@@ -617,12 +618,13 @@ class Linkage(ConstrainedBody):
             q[j] = ratio * q.get(leader, np.zeros(1)) + offset
             speeds[j] = ratio * speeds.get(leader, np.zeros(1))
         self._require_within_a_turn(q, t)
-        free = [0 if _follows(joint) else joint.freedoms for joint in self.joints]
+        free = [joint.freedoms if joint.places and not _follows(joint) else 0 for joint in self.joints]
         start = hung_from_each_other(self, q) if near is None else self._near("state: near", near)
         tree = sum(joint.conditions for joint in self.joints) + sum(free)
-        if tree <= 6 * len(self.links):  # no loops: what is not given is zero
+        placing = all(self.joints[j].places for j in (*q, *speeds))
+        if tree <= 6 * len(self.links) and placing:  # no loops: what is not given is zero
             speeds = {j: speeds.get(j, np.zeros(n)) for j, n in enumerate(free) if n}
-        if near is None and hangs(self):
+        if near is None and placing and hangs(self):
             poses = start
             xi = hung_velocities(self, small(poses.ravel()), speeds)
         else:

@@ -51,7 +51,7 @@ def hung_from_each_other(linkage: Any, coordinates: dict[int, np.ndarray], begin
         while near:
             joint = linkage.joints[number := heappop(near)]
             placed = joint.first in poses, joint.second in poses
-            if all(placed) or not (joint.freedoms or joint.conditions == 6):
+            if all(placed) or not joint.places:
                 continue
             q = vec(*coordinates.get(number, np.zeros(joint.freedoms)).tolist())
             relative = joint.relative(q)
@@ -75,10 +75,9 @@ def joints_by_body(linkage: Any) -> dict[int | None, list[int]]:
 
 def hangs(linkage: Any) -> bool:
     """Whether the bodies form a tree from the ground, with joints whose coordinates determine their poses."""
-    ends = [(joint.first, -1 if joint.second is None else joint.second) for joint in linkage.joints]
-    return len(ends) == len(linkage.links) and not has_loops(ends) and all(
-        joint.conditions + joint.freedoms >= 6 for joint in linkage.joints
-    )  # fmt: skip
+    joints = [joint for joint in linkage.joints if joint.places or joint.conditions]
+    ends = [(joint.first, -1 if joint.second is None else joint.second) for joint in joints]
+    return len(ends) == len(linkage.links) and not has_loops(ends) and all(joint.places for joint in joints)
 
 
 def hung_velocities(linkage: Any, g: Any, rates: dict[int, np.ndarray]) -> np.ndarray:
@@ -93,7 +92,7 @@ def hung_velocities(linkage: Any, g: Any, rates: dict[int, np.ndarray]) -> np.nd
         for number in at[body]:
             joint = linkage.joints[number]
             other = joint.first if body == joint.second else joint.second
-            if other in velocities:
+            if other in velocities or not joint.places:
                 continue
             poses = both(joint, g)
             pairs = [*joint.rows(*poses)]

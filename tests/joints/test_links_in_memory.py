@@ -23,6 +23,7 @@ from liemech.joints import (
     RigidRod,
     Spring,
     Stops,
+    Strut,
     UniversalJoint,
     chain,
 )
@@ -63,10 +64,12 @@ def tree(few: bool = False) -> tuple[Linkage, Any]:
         PrismaticJoint(2, 0, TOP, [0.3, 0, 0], [0, 0, 1]),
         BallJoint(3, 1, TOP, BOTTOM),
         RigidRod(4, 3, TOP, BOTTOM, 0.7),
+        Strut(2, 4, BOTTOM, TOP, name="strut"),
     ]
     forces = [
         PD("elbow", 30.0, 1.5, PLAN), Damper("cross", 0.3), Spring("cross", 2.0), Motor("elbow", 0.7),
         DryFriction(2, 0.4, 0.5), Stops(2, -0.05, 0.05, 300.0), Spring(3, 1.5), Damper(3, 0.1, freedom=1),
+        Spring("strut", 4.0, 0.5), Damper("strut", 0.6),
     ]  # fmt: skip
     if few:  # loads along one coordinate of a joint: less for native code to do
         forces = [force for force in forces if force.joint in ("elbow", 2) or isinstance(force, Spring)]

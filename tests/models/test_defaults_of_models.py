@@ -35,6 +35,7 @@ MODELS: dict[type, dict[str, Any]] = {
     lm.joints.UniversalJoint: {"conditions": 4, "axis_first": E1, "axis_second": E2} | ENDS,
     lm.joints.PrismaticJoint: {"conditions": 5, "axis": E3, "attitude": (E1, E2, E3)} | ENDS,
     lm.joints.RigidRod: {"conditions": 1, "length": 1.0} | ENDS,
+    lm.joints.Strut: {"conditions": 0} | ENDS,
     lm.Kepler: {"degrees": 2, "attraction": 1.0},
     Linkage: {"gravity": STANDARD_GRAVITY},
     lm.models.LotkaVolterra: {"coupling": ((0.0, 1.0), (-1.0, 0.0)), "weights": (1.0, 1.0), "rates": (1.0, 2.0)},

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...errors import FileWarning, InvalidInput, warn
 from ...formulas.arrays import Array
-from ...joints.joints import RigidRod
+from ...joints.joints import RigidRod, Strut
 from ...joints.link import LinkShape
 from ...joints.linkage import Linkage
 from ...models.even_boxes import principal_box
@@ -96,7 +96,7 @@ class Links(Content):
             centres = poses[:, [ends[k][0] for k in carried]][..., :3, 3]
             arms = np.stack([centres, joints[:, carried]], axis=2)
             drawing.sticks("arms", inside(arms), 0.6 * THIN, color)
-        rods = [k for k, part in enumerate(system.joints) if isinstance(part, RigidRod)]
+        rods = [k for k, part in enumerate(system.joints) if isinstance(part, (RigidRod, Strut))]
         if rods:
             both = joints.reshape(len(poses), -1, 2, 3)[:, rods]
             drawing.sticks("rods", inside(both), THIN, mixed(color, "#000000", 0.45))
