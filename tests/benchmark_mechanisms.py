@@ -30,6 +30,8 @@ from liemech.joints import (
     UniversalJoint,
 )
 from liemech.models.swinging import andrews
+from liemech.rooms.published import four_bars as published
+from liemech.rooms.published.andrews import ANGLES
 
 lib: Any = lm
 G = 9.81
@@ -186,11 +188,8 @@ def squeezer(end: float = 0.03) -> Mechanism:
     ]
     loose = Linkage(links, joints, 0.0, [Motor("beta", 0.033), AndrewsSpring("gamma")])
     linkage = loose.independent(posed(parts))
-    wanted = [15.81077119629904, -15.75637105984298, 0.04082224013073101, -0.5347301163226948]
-    wanted += [0.5244099658805304, 0.5347301163226948, 1.048080741042263]
-    names = ("beta", "Theta", "gamma", "Phi", "delta", "Omega", "epsilon")
     return Mechanism(
-        linkage, linkage.assembled(posed(parts)), names, end, 3000, np.array(wanted),
+        linkage, linkage.assembled(posed(parts)), tuple(ANGLES), end, 3000, np.array([*ANGLES.values()]),
         "Mazzia and Magherini, Test Set for IVP Solvers (2008), II-10",
     )  # fmt: skip
 
@@ -425,35 +424,16 @@ def governor(end: float = 2.0) -> Mechanism:
 # ------------------------------------------------------------------ N four-bars
 
 
-def four_bars(loops: int, end: float = 1.0) -> Mechanism:
-    """N parallelograms of bars of 1 m and 1 kg side by side, from rest at 0.5 rad from the lowest
-    position: N + 1 cranks and N couplers, all hinges.
-
-    Source: Gonzalez et al. (2006), problem A01, which passes dead points; here it swings below them.
-    """
-    start, rod = 0.5, Link.rod(1.0, 1.0, 0.02)
-    low, high = [0, 0, -0.5], [0, 0, 0.5]
-    across = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
-    ends = [np.array([k, 0.0, 0.0]) - turn(start, 1) @ Z for k in range(loops + 1)]
-    cranks = [(turn(start, 1), np.array([k, 0, 0]) - 0.5 * turn(start, 1) @ Z) for k in range(loops + 1)]
-    bars = [(across, 0.5 * (ends[k] + ends[k + 1])) for k in range(loops)]
-    joints: list[Any] = [RevoluteJoint(k, None, high, [k, 0, 0], Y, Y, name=f"crank {k}") for k in range(loops + 1)]
-    for k in range(loops):
-        b = loops + 1 + k
-        joints += [
-            RevoluteJoint(b, k, low, low, Y, Y, name=f"pin {k}"),
-            RevoluteJoint(b, k + 1, high, low, Y, Y, name=f"end {k}"),
-        ]
-    poses = posed([*cranks, *bars])
-    linkage = Linkage([rod] * (2 * loops + 1), joints, G).independent(poses)
-    turning = (loops + 1) * (rod.inertia[1] + 0.25) + loops
-    weight = G * (0.5 * (loops + 1) + loops)
+def four_bars(loops: int, end: float = 0.4) -> Mechanism:
+    """N four-bars that fall from upright with 1 m/s, until before their dead point."""
+    linkage, upright = published.four_bars(loops)
+    turning, weight = (loops + 1) / 3.0 + loops, G * (0.5 * (loops + 1) + loops)
     y = solve_ivp(
-        lambda t, y: [y[1], -weight / turning * np.sin(y[0])], (0, end), [start, 0.0],
+        lambda t, y: [y[1], weight / turning * np.sin(y[0])], (0, end), [0.0, 1.0],
         method="DOP853", rtol=1e-13, atol=1e-14,
     ).y[:, -1]  # fmt: skip
     return Mechanism(
-        linkage, linkage.assembled(poses), ("crank 0", f"crank {loops}"), end, 500, np.array([y[0], y[0]]),
+        linkage, upright, ("crank 0", f"crank {loops}"), end, 500, np.array([y[0], y[0]]),
         "a pendulum, DOP853 to 1e-13",
     )  # fmt: skip
 

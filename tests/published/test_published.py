@@ -10,10 +10,12 @@ from scipy.integrate import quad
 
 import liemech as lm
 from liemech.command_line.main import main
+from liemech.command_line.reproduce import drawn
 from liemech.errors import InvalidInput
 from liemech.rooms.published import RESULTS
-from liemech.rooms.published.compared import Compared, reproduced, title_of
+from liemech.rooms.published.compared import Compared, Reproduced, reproduced, title_of
 from liemech.rooms.published.four_bars import four_bars
+from liemech.rooms.published.governor import governor
 
 LONG = {name for name in RESULTS if name != "elastica"}
 QUARTER, _ = quad(lambda q: 1.0 / np.sqrt(1.0 + 2.0 * 9.81 * 3.5 / 3.0 * (1.0 - np.cos(q))), 0.0, np.pi / 2)
@@ -54,9 +56,30 @@ def test_results_are_listed_and_a_name_that_is_none_is_refused(capsys: pytest.Ca
         main(["reproduce", "iftomm-a99"])
 
 
+def test_a_picture_has_a_dot_for_every_number(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("matplotlib")
+    rows = Compared("a place", 1.0, 1.0 + 5e-9, 1e-8), Compared("an error", 0.02, 0.01), Compared("met", 2.0, 2.0, 1.0)
+    (dots, published) = drawn("a result", Reproduced("somebody", rows, 0.0)).get_lines()
+    assert dots.get_xdata() == pytest.approx([np.finfo(float).eps, 0.5, 0.5], rel=1e-6)
+    assert np.array(published.get_xdata()) == pytest.approx(1.0)
+    with pytest.raises(SystemExit, match="2"):
+        main(["reproduce", "--picture", str(tmp_path / "all.png")])
+    assert "--picture draws one result" in capsys.readouterr().err
+
+
 def test_every_result_is_on_the_page() -> None:
     page = PAGE.read_text()
     assert all(f"`{name}`" in page for name in RESULTS)
+
+
+def test_the_governor_starts_where_its_springs_are_at_ease() -> None:
+    linkage, start = governor()
+    for name in ("strut 2", "strut 3"):
+        at = linkage.motion_at(None, linkage.number(name)).at
+        assert np.array(at.angles(0.0, start.g)) == pytest.approx([0.5], rel=1e-14)
+        assert np.array(at.rates(0.0, start.g, linkage.velocity(start.mu))) == pytest.approx([0.0], abs=1e-14)
+    v = np.array(linkage.velocity(start.mu)).reshape(4, 6)
+    assert v[2, 4] == pytest.approx(2.0 * np.pi * (0.05 + 5.15 / 5.3 * np.cos(np.pi / 6)), rel=1e-13)
 
 
 @pytest.mark.compiled

@@ -24,11 +24,16 @@ class Compared(NamedTuple):
     within: float | None = None
 
     @property
+    def part(self) -> float:
+        """The distance between both beside what it may be, or the error beside the published one."""
+        if self.within is None:
+            return abs(self.computed) / self.published
+        return abs(self.computed - self.published) / self.within
+
+    @property
     def holds(self) -> bool:
         """Whether it is the published number, or an error no larger."""
-        if self.within is None:
-            return abs(self.computed) <= self.published
-        return abs(self.computed - self.published) <= self.within
+        return self.part <= 1.0
 
 
 class Reproduced(NamedTuple):
