@@ -30,9 +30,7 @@ def reproduce(arguments: Sequence[str]) -> int:
     parser.add_argument("--picture", type=picture, metavar="FILE", help="of one result: theirs and ours, by Matplotlib")
     options = parser.parse_args(arguments)
     if options.picture and (len(options.names) != 1 or options.names == ["all"]):
-        parser.error(
-            f"--picture draws one result; got {len(options.names) or 'no'} names; give one of {', '.join(RESULTS)}"
-        )
+        parser.error(f"--picture draws one result, such as {next(iter(RESULTS))}")
     try:
         titles = {name: title_of(name) for name in (RESULTS if options.names in ([], ["all"]) else options.names)}
     except InvalidInput as wrong:

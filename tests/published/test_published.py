@@ -33,7 +33,7 @@ def test_a_published_result_is_reached(name: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.compiled
-@pytest.mark.parametrize("name", ["iftomm-a02", "wafr-10"])
+@pytest.mark.parametrize("name", ["iftomm-a02", "spaghetti-2d", "wafr-10"])
 def test_long_rows_are_reached(name: str) -> None:
     result = reproduced(name, full=True)
     assert result.holds, str(result)

@@ -8,6 +8,7 @@ bricard.py          six hinges along edges of a cube
 governor.py         a stiff governor
 bend.py             a cantilever bent by 45 degrees
 elastica.py         a slender cantilever under a large load
+spaghetti.py        a rod that is thrown, and flies
 chain_of_ten.py     the energy of ten links
 problems_of_hlw.py  a pendulum, an ellipse, the outer Solar System
 figure_eight.py     three masses on one curve
@@ -23,6 +24,7 @@ RESULTS = {
     "iftomm-a05": "governor",
     "bend-45": "bend",
     "elastica": "elastica",
+    "spaghetti-2d": "spaghetti",
     "wafr-10": "chain_of_ten",
     "hlw-problems": "problems_of_hlw",
     "figure-eight": "figure_eight",
