@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InvalidInput
-from ..plots.style import save, subplots
+from ..errors import InvalidInput, MissingExtra
+from ..plots.style import require_matplotlib, save, subplots
 from ..rooms.published import RESULTS
 from ..rooms.published.compared import Reproduced, reproduced, title_of
 from .options import Parser, picture
@@ -32,8 +32,10 @@ def reproduce(arguments: Sequence[str]) -> int:
     if options.picture and (len(options.names) != 1 or options.names == ["all"]):
         parser.error(f"--picture draws one result, such as {next(iter(RESULTS))}")
     try:
+        if options.picture:
+            require_matplotlib()
         titles = {name: title_of(name) for name in (RESULTS if options.names in ([], ["all"]) else options.names)}
-    except InvalidInput as wrong:
+    except (InvalidInput, MissingExtra) as wrong:
         parser.error(str(wrong))
     hold = []
     for name, title in titles.items():

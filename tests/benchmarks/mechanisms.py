@@ -83,7 +83,7 @@ def four_bars(chosen: Any) -> dict[str, float]:
     for loops in (2,) if chosen.quick else (1, 4, 16, 64):
         made = benchmark_mechanisms.four_bars(loops)
         steps = 4000 // loops
-        plan = lm.Plan(made.linkage, lm.LieRATTLE(), h=0.002, every=steps, progress=False)
+        plan = lm.Plan(made.linkage, lm.LieRATTLE(), h=made.end / steps, every=steps, progress=False)
         plan.run(made.start, steps=10)
         us = 1e6 * least({"run": lambda: plan.run(made.start, steps=steps)}, 5)["run"] / steps  # noqa: B023
         found[str(loops)] = us

@@ -50,8 +50,7 @@ def compared(full: bool) -> Iterator[Compared]:
     square = 0.0
     for begin, end in zip(poses, linkage.poses(run.g[-1])):
         ends = [pose @ [-0.5, 0.0, 0.0, 1.0] for pose in (begin, end)]
-        cosine = (
-            np.sqrt(1.0 + np.trace(begin[:3, :3].T @ end[:3, :3])) / 2.0
-        )  # of half the angle between both attitudes
+        turn = begin[:3, :3].T @ end[:3, :3]
+        cosine = 0.5 * np.sqrt(1.0 + np.trace(turn))  # of half the angle
         square += ((ends[1] - ends[0]) ** 2).sum() + 2.0 - 2.0 * cosine
     yield Compared("length of the displacement", 2.172189649307425, float(np.sqrt(square)), 1e-4)
