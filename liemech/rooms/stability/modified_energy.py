@@ -70,7 +70,8 @@ def modified_energy(run: Trajectory, order: int = 8) -> ModifiedEnergy:
     Source: Skeel and Hardy, SIAM J. Sci. Comput. 23 (2001), 1172.
     """
     require("modified_energy: run", run, Trajectory, "a run, such as lm.integrate(...) returns")
-    method, m = run.method, arguments.count(order, "order", 2) // 2
+    method: Any = run.method
+    m = arguments.count(order, "order", 2) // 2
     if order % 2 or order <= method.order:
         raise InvalidInput(
             f"modified_energy: order is even and above that of the method, {method.order}; got {order}: else H itself is nearer"

@@ -441,7 +441,8 @@ class Events:
         Raises StepTooSmall where jumps accumulate.
         """
         _, at, k, numbers = hit
-        watch, run, event = self.each[body], self.run, self.events[k]
+        watch, run = self.each[body], self.run
+        event: Any = self.events[k]
         system, before = run.laws_of(body)[0], run.view.small(numbers)
         try:
             after = arguments.started(system, event.after(at, before), None, at)

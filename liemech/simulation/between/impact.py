@@ -46,7 +46,8 @@ def impact(system: CotangentMotion, gap: Callable[[float, Any], float], restitut
     Source: Brogliato, Nonsmooth Mechanics, 3rd ed. (2016), section 4.3; on Lie groups Tran and Leok, arXiv:2310.15356.
     """
     require("impact: system", system, CotangentMotion, "a body in a field, MechanicalSystem(body, NoPotential())")
-    if isinstance(restitution, bool) or not isinstance(restitution, (int, float)) or not 0.0 < restitution <= 1.0:
+    require("impact: restitution", restitution, (int, float), "a number, 0 < e <= 1")
+    if not 0.0 < restitution <= 1.0:
         raise InvalidInput(
             f"impact: restitution is a number 0 < e <= 1; got {restitution!r}. Contact that lasts, e = 0, is no jump"
         )
