@@ -55,10 +55,10 @@ class Joint(Record):
     1. A subclass writes `value` of two poses, and says how many `conditions` there are; `rows` follow, or are written
     in closed form.
     2. With `freedoms` it writes their `coordinates`, which tell where the first body is against the second; where there
-    are six conditions and freedoms, for starts from coordinates, `relative`; and how they move, `motions`, if not as coordinates do or in closed form.  Of several
-    coordinates `turns` says of each whether it is the angle about an axis, which is seen modulo a turn, (True, False),
-    and `rotation_vector` which ones are that of a rotation, (0, 1, 2), which jumps by a turn about its axis.  A
-    coordinate whose rate is no motion has `slopes`.
+    are six conditions and freedoms, for starts from coordinates, `relative`; and how they move, `motions`, if not as
+    coordinates do or in closed form.  Of several coordinates `turns` says of each whether it is the angle about an axis,
+    which is seen modulo a turn, (True, False), and `rotation_vector` which ones are that of a rotation, (0, 1, 2), which
+    jumps by a turn about its axis.  A coordinate whose rate is no motion has `slopes`.
     3. Where its conditions vanish with its bodies turned over too, it says by how much, `askew`.
 
     Source: Nikravesh, Computer-Aided Analysis of Mechanical Systems (1988), chapter 7;
