@@ -24,7 +24,6 @@ from ...rooms.constraints.lie_rattle import LieRATTLE, near_a_dead_point
 from ...rooms.constraints.rattle import RATTLE
 from ...rooms.sites.runs.driver import OVERFLOW
 from ...rooms.sites.runs.events import StepsOfSites
-from ...rooms.sites.runs.failures import ended
 from ...rooms.sites.runs.run import SiteRun
 from ...rooms.sites.runs.samples import SamplesOfSites
 from ...rooms.sites.runs.states import as_users_see, one_of, state_of_rows
