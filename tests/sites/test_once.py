@@ -128,7 +128,7 @@ def after_saving(sites: Any) -> None:
 
 def of_what_was_published(sites: Any) -> None:
     of = places(sites)
-    met = meet(of.last.load())
+    met = meet(2.0 * of.last.load())
     y = once(solved, of.right_side, of.y.load(), of.solution, sites, 0.1)
     of.y.save(met.at(0) * y)
 
