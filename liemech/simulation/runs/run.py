@@ -279,7 +279,7 @@ class Run(Course, Moving):
         if native:
             # where rows are kept, those of longer pieces would not stay in the cache
             most = self.work * (1 if self.rows else 4) * workers // columns.shape[1]
-            turns = max(self.least, min(self.reach, most))
+            turns = max(self.least, min(LONGEST, self.reach, most))
         if checkpoint is not None:
             turns = max(1, min(turns, checkpoint.within(turns * m) // m))
         since, taken = time.perf_counter(), columns[self._clock + TAKEN, :m].sum()
