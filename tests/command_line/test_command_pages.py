@@ -30,7 +30,7 @@ def test_every_command_of_the_page_runs(
         assert program == "liemech" and main(words) == 0, line
     assert {shlex.split(line)[1] for line in lines} == set(COMMANDS)
     written = {path.name for path in tmp_path.iterdir()}
-    assert written == {"book.toml", "book.html", "flip.png", "flip.html", "top.npz", "top.html"}
+    assert written == {"book.toml", "book.html", "flip.png", "flip.html", "top.npz", "top.html", "elastica.png"}
     assert "g             not computed" in capsys.readouterr().out
 
 
