@@ -46,7 +46,7 @@ def compared(full: bool) -> Iterator[Compared]:
     """The length of all displacements of the bars' first ends and of their Euler parameters; to what their step allows."""
     linkage, poses = bricard()
     method = Composition(LieRATTLE(), order=4)
-    run = integrate(linkage, method, linkage.assembled(poses), h=0.01, t_end=1.0, progress=False)
+    run: Any = integrate(linkage, method, linkage.assembled(poses), h=0.01, t_end=1.0, progress=False)
     square = 0.0
     for begin, end in zip(poses, linkage.poses(run.g[-1])):
         ends = [pose @ [-0.5, 0.0, 0.0, 1.0] for pose in (begin, end)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -34,7 +35,7 @@ def compared(full: bool) -> Iterator[Compared]:
     """After 2 pi from q = 0, p = 1; after 200 revolutions at e = 0.6; and after 500,000 days from 5 September 1994."""
     method, T = Composition(StormerVerlet(), order=8), 2.0 * np.pi
 
-    def end(system: object, start: object, h: float, steps: int) -> np.ndarray:
+    def end(system: Any, start: Any, h: float, steps: int) -> np.ndarray:
         run = integrate(system, method, start, h=h, steps=steps, every=steps, progress=False)
         return np.concatenate([run.q[-1], run.p[-1]])
 

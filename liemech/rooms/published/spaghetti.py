@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -31,10 +32,10 @@ def compared(full: bool) -> Iterator[Compared]:
     g[:, :3, :3] = np.transpose([np.cross(Y, ALONG), Y, ALONG])
     g[:, :3, 3] = np.outer(np.linspace(0.0, LENGTH, n + 1), ALONG)
     start = thrown.state(np.zeros((n + 1, 6)), g)
-    first = integrate(thrown, KickDrift(), start, h=5e-4, t_end=LOADED, every=1000, progress=False)
+    first: Any = integrate(thrown, KickDrift(), start, h=5e-4, t_end=LOADED, every=1000, progress=False)
     start = free.state(first.mu[-1], first.g[-1])
     end = 100.0 if full else 7.5
-    run = integrate(free, KickDrift(), start, h=5e-4, t_end=end - LOADED, every=1000, progress=False)
+    run: Any = integrate(free, KickDrift(), start, h=5e-4, t_end=end - LOADED, every=1000, progress=False)
     for name, value, axis in (("u1", 10.194452899919812, 0), ("u3", -0.38777259591469987, 2)):
         yield Compared(f"{name} of the end after 7.5 s", value, float((run.g[10] - g)[-1, axis, 3]), 0.15)
     total = free.total_momentum(run.mu, run.g)
