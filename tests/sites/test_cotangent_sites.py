@@ -118,10 +118,9 @@ def test_orders_beside_dop853(method: Any) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("method", [lm.SymplecticRKMK(2), lm.RKMK(order=4)], ids=lambda m: m.name)
 def test_plain_and_native_steps_have_the_same_bits(method: Any) -> None:
-    system = ring(9)
-    runs = [
-        lm.integrate(system, method, started(system, 9), h=0.1, steps=1, compiled=c, progress=False) for c in (0, 1)
-    ]
+    system = ring(7)
+    start = started(system, 7)
+    runs = [lm.integrate(system, method, start, h=0.1, steps=1, compiled=c, progress=False) for c in (False, True)]
     assert np.array_equal(runs[0].mu, runs[1].mu) and np.array_equal(runs[0].g, runs[1].g)
 
 
