@@ -38,9 +38,8 @@ def work_of(system: LinkedBodies, full: bool) -> Layout:
     return named(
         **constant_layouts(system, BLOCK if full else SIX),
         **STANDING,
-        state=carried_layout(
-            BodyState(REST6, mat(*[vec(*[0.0] * 4)] * 4))
-        ),  # at which the reduced equation is asked for
+        # at which the reduced equation is asked for
+        state=carried_layout(BodyState(REST6, mat(*[vec(*[0.0] * 4)] * 4))),
         rate_on_cotangent=vector(12),  # the velocity there, (xi, f + F - G* lam)
         **motion_layouts(system),
         **load_layouts(system),
