@@ -216,7 +216,7 @@ def inertia_less(slopes: Any, work: Any) -> Mat:
 
 
 def answers_to_momentum(A: Mat) -> Mat:
-    """A^-1, by columns."""
+    """The inverse A^-1, which takes momenta to velocities."""
     columns, _ = eliminated(A, [*UNITS], 1.0)
     return mat(*columns)
 
@@ -277,7 +277,7 @@ def motions_of(system: Any, equations: Any) -> tuple[Any, Any]:
 
 
 def rates_here(system: Any, work: Any, equations: Any) -> None:
-    """The rates of a joint."""
+    """Write down the rates of a joint, G xi."""
     rates = speeds(motions_of(system, equations), both(work.velocity, work))
     if system.rheonomic:
         rates = [x + pace for x, pace in zip(rates, work.paces.load()[system.most :])]
@@ -342,7 +342,7 @@ def pushed_answers(sides: Any, work: Any) -> list[list[Vec]]:
 
 
 def excess_again(system: Any, work: Any, equations: Any) -> None:
-    """How far rates are off, alone."""
+    """Write down the residual of the rates of a joint, without its block of the matrix."""
     equations.residual.save(rates_off(system, equations.sides.load(), work))
 
 

@@ -249,7 +249,7 @@ def field(system: Any, t: float, h: float, sites: Any, state: Any, new: Any, wor
 
 
 def forgotten(pasts: Any, stages: int) -> None:
-    """Nothing is known of steps before."""
+    """Set the past of a body to zero, from which nothing is extrapolated."""
     for s in range(stages):
         past = pasts.nth(s)
         past.save(tuple([vec(*[0.0] * len(x)) for x in past.load()]))

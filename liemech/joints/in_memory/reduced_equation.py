@@ -43,12 +43,12 @@ class BodyAmongJoints(System):
 
     @property
     def group(self) -> Any:
-        """T*SE(3)."""
+        """The group T*SE(3), the pose and the momentum of one body."""
         return FREE.group
 
     @property
     def unit_blocks(self) -> tuple[int, ...]:
-        """Those of a free body."""
+        """The blocks of one unit of a free body."""
         return tuple(FREE.unit_blocks)
 
     def displaced(self, retraction: Any, state: BodyState, omega: Vec) -> BodyState:

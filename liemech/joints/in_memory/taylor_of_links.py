@@ -327,5 +327,5 @@ def own_block(system: Any, terms: Any, work: Any, equations: Any) -> None:
 
 
 def multiplied(k: int, terms: Any, equations: Any) -> None:
-    """lam_k, kept."""
+    """Write down the multiplier lam_k of the order k."""
     terms.multiplier.nth(k).save(equations.solution.load())

@@ -108,7 +108,7 @@ class SiteMotion(Record):
     joins = False
 
     def moved(self, system: Any, part: StepPart, state: Any) -> Any:
-        """The state after it."""
+        """The state after the part of the step, from the one before."""
         raise undefined(self, "moved")
 
     def back(self, system: Any, part: StepPart, before: Any, after: Any, w: Any) -> Back:
@@ -172,11 +172,11 @@ class Symplectic(WholeStep):
     """
 
     def inverse(self, part: StepPart) -> StepPart:
-        """The part that leads back."""
+        """The part of length -h that leads back."""
         return with_fields(part, t=part.t + part.h, h=-part.h)
 
     def back(self, system: Any, part: StepPart, before: Any, after: Any, w: Any) -> Back:
-        """By the step backwards, of all sites: nothing depends on elements, known or not."""
+        """J^T w = Omega J^-1 Omega^-1 w, by the step of length -h of all sites: no energy is asked at an element."""
         inverse = self.inverse(part)
         return Back(carried_back(group_of(system), lambda x: self.moved(system, inverse, x), before, after, w), (), ())
 
@@ -246,7 +246,7 @@ class Kick(SiteMotion):
     ends: bool = False
 
     def moved(self, system: Any, part: StepPart, state: Any) -> Any:
-        """The kick."""
+        """The state after the kick, mu + h (f + F)."""
         force, ends = system.force(state.g), self.ends
         return self.method._kick(system, part.t, state, force, part.h, ends, not ends, part.h)
 
@@ -279,7 +279,7 @@ class PointFlow(SiteMotion):
     drifts: bool = False
 
     def moved(self, system: Any, part: StepPart, state: Any) -> Any:
-        """The state after it."""
+        """The point after the flow, (q, p + h f) or (q + h v, p)."""
         q, p = state.q, state.p
         if self.drifts:
             return CanonicalState(q + part.h * system.velocity(q, p), p)
@@ -302,11 +302,11 @@ class BondTurn(Symplectic):
     joins = True
 
     def moved(self, system: Any, part: StepPart, state: Any) -> Any:
-        """The turn."""
+        """The state after the exact motion of the bonds of this colour, or of the term."""
         return turned_by(self.method, system.group, int(part.begin), part.t, part.h, state)
 
     def inverse(self, part: StepPart) -> StepPart:
-        """The turn by the same energy."""
+        """The turn by the same energy for the time -h."""
         return with_fields(part, h=-part.h)
 
 
@@ -330,7 +330,7 @@ class FieldTurn(SiteMotion):
         return part.h * at_this_site(at_time(self.energy, part.t)).gradient(mu)
 
     def moved(self, system: Any, part: StepPart, state: Any) -> Any:
-        """A site that turns."""
+        """The state of a site after its turn by h dH/dmu."""
         return turned_by(self.energy, system.group, 0, part.t, part.h, state)
 
     def of_turned(self, system: Any, part: StepPart, before: Any, w: Any) -> tuple[Any, Vec]:

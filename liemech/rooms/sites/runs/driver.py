@@ -60,7 +60,7 @@ class OfMethod(Record):
 
     @property
     def error_order(self) -> int:
-        """That of the method."""
+        """The order of the error estimate of the method."""
         order: int = self.method.error_order
         return order
 
@@ -246,7 +246,7 @@ class Embedded(OfMethod):
         return Standing(state, at_rest, (at_rest,) * (self.method.curve_terms if self.curves else 0))
 
     def observe(self, memory: Standing) -> Any:
-        """The state."""
+        """The state in the memory of the method."""
         return memory.state
 
     def inside(self, system: Any, before: Standing, after: Standing, part: float) -> Any:
@@ -356,7 +356,7 @@ ENDS = 2
 
 @record
 class Procedure(Record):
-    """How all sites are taken on.
+    """What the driver of steps does: the method of one site, the control of all, and samples.
 
     method : of one site.  control : of the steps.  memory, place : the layouts of what the method carries along for one
     site, and of what the control does.  shown : the content of samples.  all_steps : are there samples of all steps,
@@ -382,7 +382,7 @@ class Procedure(Record):
         return OverSitesToJumps(self.method, sites, self.memory, told, self.ending)
 
     def values(self, t: float, totals: Any) -> tuple[float, ...]:
-        """Of every event the value at a time and at totals."""
+        """The values of the events at a time and at totals."""
         return tuple([event(t, type(self.named)(*totals)) for event in self.events])
 
 
@@ -450,7 +450,7 @@ def advance_sites(
 def one_sample(
     sites: OverSites, system: Any, t: float, here: int, shown: Shown, seen: Any, totals: Any, k: int
 ) -> None:
-    """The sample of one site."""
+    """Write what sample number k has of one site: its state, and its part of totals."""
     carry = sites.seen(here)
     state = sample(sites.method, carry)
     looked_at(system, t, state, shown, totals, k)
@@ -504,7 +504,7 @@ def totals_of_samples(system: Any, shown: Any, first: int, samples: int, seen: A
 
 
 def one_total(system: Any, t: float, shown: Any, seen: Any, totals: Any, k: int) -> None:
-    """Those of one sample."""
+    """Write what one site adds to the totals of sample number k."""
     looked_at(system, t, load(seen, k, shown.layout), shown, totals, k)
 
 
@@ -533,7 +533,7 @@ def begin_sites(beginner: Beginner, system: Any, h: float, starts: Any, sites: A
 
 
 def one_start(beginner: Beginner, system: Any, h: float, starts: Any, sites: Any) -> None:
-    """The start of one site."""
+    """Write what the method carries along for one site at the start."""
     carry = first_memory(beginner, system, h, starts)
     require_finite(sample(beginner.method, carry))
     save(sites, 0, fitted(carry, beginner.memory), beginner.memory)

@@ -65,9 +65,9 @@ def _listed(role: RoleAtSite, places: np.ndarray | None) -> RoleAtSite:
 
 
 class Lists:
-    """The lists of one run.
+    """The lists of neighbours of one run.
 
-    site : the site form, with those that were made last.
+    site : the site form, with the lists that were made last.  places : of the sites then.
     """
 
     def __init__(self, system: Any, site: Any) -> None:
@@ -79,7 +79,7 @@ class Lists:
 
     @classmethod
     def of(cls, system: Any, site: Any) -> Lists | None:
-        """None if there are none."""
+        """The lists of a system; None if it has no neighbours within a distance."""
         return cls(system, site) if any(map(_has_lists, records_in(site, RoleAtSite))) else None
 
     def at(self, g: np.ndarray) -> Any:
@@ -98,7 +98,7 @@ class Lists:
 
     @staticmethod
     def moved(a: np.ndarray, b: np.ndarray) -> float:
-        """The longest way of a site."""
+        """The longest displacement of a site from places a to places b, (sites, 3)."""
         return float(np.sqrt(((a - b) ** 2).sum(axis=1).max()))
 
 

@@ -187,7 +187,7 @@ class SiteRun(Course):
         self.goals[:, 0] = np.copysign(np.inf, h), 0.0, 0.0, 0.0, last, t0
 
     def _blank(self) -> None:
-        """Forget what the driver has come to."""
+        """Set the driver to the beginning: the copy of the memory, and how far it has come."""
         self.place, self.march = np.zeros((2, 1)), np.array([0.0, 0.0, 0.0, np.nan, 0.0])
 
     def _begin(self) -> None:
@@ -217,7 +217,7 @@ class SiteRun(Course):
                 clock[STEP] = -clock[STEP]
 
     def executing(self, execution: SiteExecution) -> SiteExecution:
-        """Who runs a driver for this run, of whoever does so for all runs: formulas count as they were then."""
+        """The execution of a driver in this run, a copy of that of all runs, which sees formulas as they are when it begins."""
         if execution not in self.executions:
             self.executions[execution] = execution.of_a_run()
         return self.executions[execution]
@@ -405,7 +405,7 @@ class SiteRun(Course):
         self._begin()
 
     def _elements(self) -> np.ndarray:
-        """Where the sites are."""
+        """The elements of the sites where the run stands."""
         return self.elements(self.shape.shown_rows(self._memory))
 
     def elements(self, rows: np.ndarray) -> np.ndarray:
@@ -510,7 +510,7 @@ class SiteRun(Course):
 
     @property
     def carry(self) -> Any:
-        """With what the run goes on from here; nothing where fixed steps were ended inside of one."""
+        """The carry with which a run goes on from here; None where fixed steps were ended inside of one."""
         if self.ended_by is not None and not self.adaptive:
             return None
         memory, clock = self._memory.copy(), self.clocks[:, 0].copy()

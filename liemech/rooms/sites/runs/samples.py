@@ -45,11 +45,11 @@ class EndsOfSteps:
             self.times[0], self.totals[0], self.made = t, self.totals[last], 1
 
     def return_to(self, t: float) -> None:
-        """Forget those beyond the first one."""
+        """Forget the ends of steps beyond the first one."""
         self.made = 1
 
     def ahead(self, back: float) -> tuple[Planes, np.ndarray, np.ndarray]:
-        """Where the driver writes the next ones, behind the last one: all sites, totals and times."""
+        """Where the driver writes the ends of the next steps, from the last one on: all sites, totals and times."""
         made = max(self.made - 1, 0)
         return Planes(self.planes.array[made * self.wide :], self.count), self.totals[made:], self.times[made:]
 
@@ -131,22 +131,22 @@ class SamplesOfSites:
             self.beside(first, rows)
 
     def return_to(self, t: float) -> None:
-        """Forget those beyond a time."""
+        """Forget the samples beyond a time."""
         first = self.times[:1]
         self.made = int((np.abs(self.times[: self.made] - first) <= np.abs(t - first)).sum())
 
     def end_at(self, t: float) -> None:
-        """Let the next one be the last, at this time."""
+        """Let the next sample be the last, at this time."""
         self.asked = np.append(self.asked[: self.made], t)
         self._have_room(len(self.asked))
 
     def more(self, t: float) -> None:
-        """One more time behind the others."""
+        """Ask for a sample at one more time, behind the others."""
         self.asked = self.times = np.append(self.times, t)
         self._have_room(len(self.times))
 
     def _have_room(self, samples: int) -> None:
-        """Make room for so many."""
+        """Make room for so many samples."""
         self.totals = with_room(self.totals, samples)
         if self.chosen is None:
             self.seen = Planes(with_room(self.seen.array, samples * self.wide), self.count)
@@ -154,7 +154,7 @@ class SamplesOfSites:
             self.own = with_room(self.own, samples)
 
     def kept_of(self, rows: np.ndarray) -> np.ndarray:
-        """Of the states of all sites what samples keep."""
+        """The numbers of chosen sites, or of all, that samples keep of states."""
         if self.chosen is not None:
             return rows[:, self.chosen]
         return rows if self.wide else rows[:, :0]

@@ -91,19 +91,19 @@ class SiteShape:
         self.most = min(EIGHT, starts.count) if site.jointed else EIGHT
 
     def _execution(self, driver: Any, *call: Any) -> SiteExecution:
-        """Who runs a driver."""
+        """The execution of a driver for runs of this shape."""
         steps = self.plan._steps
         return SiteExecution(steps.compiled, steps.progress, driver, *call, None, most=self.most)
 
     @functools.cached_property
     def beginning(self) -> SiteExecution:
-        """Who runs the driver before the first step."""
+        """The execution of the driver before the first step."""
         planes = Planes.of_rows(1, 1)
         return self._execution(begin_sites, self.beginner, self.site, self.h, planes, planes, NONE)
 
     @functools.cached_property
     def stepping(self) -> SiteExecution:
-        """Who runs the driver of steps."""
+        """The execution of the driver of steps."""
         planes, shared = Planes.of_rows(1, 1), kernel.Shared(np.empty(0))
         arrays = 1, planes, planes, *[shared] * 3, *[NONE] * 4
         return self._execution(advance_sites, self.procedure, self.site, *arrays)

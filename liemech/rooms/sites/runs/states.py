@@ -32,7 +32,7 @@ def by_site(system: Any, start: Any) -> StateOfSites:
 
 
 def as_users_see(system: Any, state: Any) -> Any:
-    """The inverse of `by_site`."""
+    """A state with an axis of sites, in the shape that users give it; the inverse of `by_site`."""
     arrays = state.arrays
     user_arrays = system.as_users_see(arrays)
     if user_arrays is arrays:
