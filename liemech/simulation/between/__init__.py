@@ -1,3 +1,7 @@
-"""The motion inside of the steps: dense.py evaluates it at given times, events.py looks for zeros in it, at which a
-state may jump (jump.py, impact.py).
+"""The motion inside of the steps.
+
+dense.py       its states at any times
+turning.py     how often a step is looked into, so that no zero is missed
+events.py      zeros of functions of time and state
+jump.py        jumps of the state at zeros; impact.py: by Newton's law of restitution
 """
