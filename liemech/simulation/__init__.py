@@ -11,7 +11,7 @@ A run in ten lines, from `lm.integrate(...)` to samples:
      7. runs/run.py             a piece: bodies side by side, until they are at their goals or fail
      8. compiled/driver.py      its steps: `advance` under a control, as native code or plain Python
      9. keep.py, between/       after each piece: samples, states inside of steps, events
-    10. result.py, runs/carry   the `Trajectory` (trajectory.py), and where every body stands
+    10. result.py, runs/carry   the `Trajectory` (trajectory.py), and where every body stands; stopped.py: who failed
 
 Kinds of runs, by the steps:
 
@@ -32,5 +32,6 @@ where they stay, `Dense` rows for the motion between steps, `Quantities` for fun
 
 Folders: reports/, compiled/ and between/ are what a run is made of; runs/ are the runs.  Runs by the sites of one
 system are in `rooms/sites/runs`, those of linkages in `joints/in_memory`, those in fictive time in `rooms/fictive_time`;
-what is done with plans and runs in `rooms/derivatives`, `rooms/at_work`, `rooms/files`.
+a run so far goes into a file by checkpoint.py; what is done with plans and runs is in `rooms/derivatives`, `rooms/at_work`,
+`rooms/files`.
 """
