@@ -158,7 +158,7 @@ class LieAlgebra(Record):
     def is_exp_chart(self, xi: Vec) -> bool:
         """Whether xi is closer to zero than the first singularity of dexp.  xi : (dim,).
 
-        An algebra that does not know lets all pass.
+        An algebra that does not know lets all pass; one that does raises OutsideChart in `dexp_inv` from there on.
         """
         return True
 

@@ -321,7 +321,7 @@ class Trajectory:
 
         Between adaptive steps by the polynomial of the method, between fixed steps by a
         shorter step from the last sample.
-        Of an ensemble all bodies at these times, (m, bodies, ...).
+        Of an ensemble all bodies at these times, (m, bodies, ...), those that an event has ended at their ends.
         """
         return with_sites(self.system, self._motion(t), np.ndim(t) + (self.bodies is not None))
 
