@@ -238,7 +238,7 @@ class AtTimes:
         rows[:, 0] = self.shown[sample, body]
         self.samples[sample, body] = rows
         if len(inside):
-            inputs = self.run.given(piece, step[inside], times[inside])
+            inputs = self.run.inputs(piece, step[inside], times[inside])
             self.within.append((inputs, times[inside], sample[inside], body[inside]))
             self.waiting += len(inside)
         ends = piece.ends
@@ -400,7 +400,7 @@ class Quantities:
             states = {name: np.concatenate(x)[:n, i] for name, x in columns.items()}
             return {"t": t if t.ndim == 1 else t[:, i], "states": states}
         fields: dict[str, Any] = samples()
-        system = self.run.known(i).get("system", self.run.laws_of(i)[0])
+        system = self.run.known(i).get("system", self.run.system_and_method(i)[0])
         about = SimpleNamespace(system=system, bodies=None)
         arguments = about, self.run.view.kind, fields["t"], fields["states"], self.run.compiled_asked
         try:

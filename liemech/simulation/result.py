@@ -112,7 +112,7 @@ def of_run(run: Any, goes_on: bool = True) -> Any:
 def of_body(run: Any, i: int, goes_on: bool = True) -> Any:
     """The run of one body as it would be alone."""
     quantities = run.quantities
-    system, method = run.laws_of(i)
+    system, method = run.system_and_method(i)
     watch = run.events.each.get(i) if run.events else None
     fields = _fields(run, quantities) | {
         "system": system,

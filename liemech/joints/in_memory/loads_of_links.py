@@ -54,14 +54,14 @@ def loads(
     each(sites, velocities_here, system, old, work)
     if system.freedoms > 0:
         each(sites, rates_here, system, work, equations)
-    tried, last, change, scale, off, size = 0, turn == 1, 1.0, 0.0, 0.0, 0.0
+    corrections, last, rate_change, rate_scale, load_change, load_scale = 0, turn == 1, 1.0, 0.0, 0.0, 0.0
     pivots, kicks = 0.0, kicks and (system.freedoms > 0 or system.pushed)  # 1 to count pivots
     while True:
         if pivots > 0.0:
             damped_kick(system, t, h, sites, old, work)
-            tried = 0
+            corrections = 0
         else:
-            kicks_by_loads(system, t, k, tried, last, sites, old, work, equations)
+            kicks_by_loads(system, t, k, corrections, last, sites, old, work, equations)
             if last:
                 each(sites, loaded_body, system, float(turn), old, new, work)
                 if turn == 2:
@@ -71,9 +71,9 @@ def loads(
                     break
                 pivots = 1.0
                 continue
-            require_turns(tried, work)
+            require_turns(corrections, work)
             each(sites, loaded_velocity, system, old, work)
-        negative = newton_matrix(system, tried, pivots, sites, work, equations)
+        negative = newton_matrix(system, corrections, pivots, sites, work, equations)
         if pivots > 0.0:
             require_gentle(system, h, negative, work)
             break
@@ -85,10 +85,12 @@ def loads(
         if k == 0.0:
             pivots = 1.0
             continue
-        change, scale, falls, last = corrected_rates(system, change, scale, work, equations)
-        tried = tried + 1
+        rate_change, rate_scale, falls, last = corrected_rates(system, rate_change, rate_scale, work, equations)
+        corrections = corrections + 1
         if system.pushed:
-            off, size, settled = corrected_velocities(system, tried, off, size, sites, work)
+            load_change, load_scale, settled = corrected_velocities(
+                system, corrections, load_change, load_scale, sites, work
+            )
             last = last and settled
         elif last:
             if system.freedoms > 0:
@@ -96,19 +98,19 @@ def loads(
             if not kicks or h > 0.0:
                 break
             pivots = 1.0
-        elif tried > CUT:
+        elif corrections > CUT:
             cut_short(system, t, k, falls, sites, old, work, equations)
 
 
 def kicks_by_loads(
-    system: Any, t: float, k: float, tried: int, last: bool, sites: Any, old: Any, work: Any, equations: Any
+    system: Any, t: float, k: float, corrections: int, last: bool, sites: Any, old: Any, work: Any, equations: Any
 ) -> None:  # fmt: skip
     """The kicks k F of all loads at the rates and velocities that corrections have reached, and their derivatives."""
     if system.freedoms > 0:
-        if tried == 1 and not last:
+        if corrections == 1 and not last:
             each(sites, efforts_at, system.at_time(t), t, k, 0.0, 0.0, old, work, equations)
-        again = where(tried > 0, where(k == 0.0, 0.0, 1.0), 0.0)  # without a kick nothing was foreseen
-        each(sites, efforts_there, system.at_time(t), t, k, again, old, work, equations)
+        corrected = where(corrections > 0, where(k == 0.0, 0.0, 1.0), 0.0)  # without a kick nothing was foreseen
+        each(sites, efforts_there, system.at_time(t), t, k, corrected, old, work, equations)
         scattered(system, work)
     if system.pushes_all:
         pushed_together(system, t, k, old, work)
@@ -123,11 +125,11 @@ def damped_kick(system: Any, t: float, h: float, sites: Any, old: Any, work: Any
     each(sites, damped_here, system, t, 0.5 * abs(h), old, work)
 
 
-def newton_matrix(system: Any, tried: int, pivots: float, sites: Any, work: Any, equations: Any) -> float:
+def newton_matrix(system: Any, corrections: int, pivots: float, sites: Any, work: Any, equations: Any) -> float:
     """Elimination in Newton's method: anew where the derivatives of loads have changed; the number of negative pivots,
     if `pivots` is 1.
     """
-    if system.pushed or tried == 0 or (system.freedoms > 0 and bends(system, work)):
+    if system.pushed or corrections == 0 or (system.freedoms > 0 and bends(system, work)):
         each(sites, excess_of_rates, system, work, equations)
         assembled(system, sites, equations.sides, 1.0, 1.0, work, equations)
         return factored(system, 1.0, equations, pivots)
@@ -136,7 +138,7 @@ def newton_matrix(system: Any, tried: int, pivots: float, sites: Any, work: Any,
 
 
 def corrected_velocities(
-    system: Any, tried: int, before: float, size: float, sites: Any, work: Any
+    system: Any, corrections: int, before: float, size: float, sites: Any, work: Any
 ) -> tuple[float, float, bool]:  # fmt: skip
     """The velocities at which loads on bodies are looked for, corrected: the square of the correction, the largest one of
     the velocities, and whether it was the last one.  Of a load on all bodies by one formula the derivative has the
@@ -147,13 +149,13 @@ def corrected_velocities(
     size = max(size, whole)
     enough = TOLERANCE if system.on_all is None else LINEAR
     small = off <= enough * enough * size
-    noisy = tried > 1 and off >= before and off <= NOISE * NOISE * size
+    noisy = corrections > 1 and off >= before and off <= NOISE * NOISE * size
     return off, size, small or noisy or off == 0.0
 
 
-def require_turns(tried: int, work: Any) -> None:
+def require_turns(corrections: int, work: Any) -> None:
     """Raises NoConvergence after too many corrections."""
-    if tried == AT_LOADS:
+    if corrections == AT_LOADS:
         work.failed_joint.put(0, -1.0)
         raise NoConvergence("no velocity found that fits the loads at the end of a step")
 
@@ -294,15 +296,15 @@ def efforts_at(
     work.kick_at_rest.save(system.of_kind(work, lambda joint: h * joint.efforts(t, joint.seen(t, g, k), rates, n)))
 
 
-def efforts_there(system: Any, t: float, h: float, again: float, old: Any, work: Any, equations: Any) -> None:
+def efforts_there(system: Any, t: float, h: float, corrected: float, old: Any, work: Any, equations: Any) -> None:
     """The kick h F of loads, its pull on both bodies, and the slope by the rates with which Newton's method goes on.
-    again : 1 after a correction, which has foreseen a kick.
+    corrected : 1 after a correction, which has foreseen a kick.
     """
     (g, k), rates, n = poses_of(old, work), work.rate.load(), range(system.freedoms)
     kicks, gain = system.of_kind(work, lambda joint: kick_of(joint, t, h, joint.seen(t, g, k), rates))
     idle, before = work.kick_at_rest.load(), work.kick_before.load()
-    foreseen = [where(again > 0.0, a, b) for a, b in zip(work.kick_foreseen.load(), kicks)]
-    steps = [where(again > 0.0, x, 0.0) for x in equations.solution.load()[system.most :]]
+    foreseen = [where(corrected > 0.0, a, b) for a, b in zip(work.kick_foreseen.load(), kicks)]
+    steps = [where(corrected > 0.0, x, 0.0) for x in equations.solution.load()[system.most :]]
     slopes = [slope_beside(kicks[i], idle[i], before[i], foreseen[i], rates[i], steps[i], gain[i, i]) for i in n]
     work.kick_foreseen.save(kicks)
     work.kick_before.save(kicks)

@@ -60,10 +60,10 @@ class Objective:
             self.by_cotangent(asked.cotangent)
             return
         states, sums = self.states, []
-        for given, name, where in ((asked.loss, "loss", self.end), (asked.along, "along", self.samples)):
-            if name == "along" and given is None:
+        for functions, name, where in ((asked.loss, "loss", self.end), (asked.along, "along", self.samples)):
+            if name == "along" and functions is None:
                 continue
-            function = Loss(given, name, self.run.bodies if self.by_site is None else None)
+            function = Loss(functions, name, self.run.bodies if self.by_site is None else None)
             for some in self._pieces(where):
                 of_some = self.run.t[some], states.numbers[some], states.basis(some)
                 values, slopes = function.slopes(self.example, *of_some, compiled)
@@ -71,26 +71,26 @@ class Objective:
                 self.by_states[some] += slopes
         self.value = math.fsum(sums)
 
-    def by_cotangent(self, given: Any) -> None:
+    def by_cotangent(self, cotangent: Any) -> None:
         """Set its derivatives by the samples to a cotangent: of each part of the state an array of its shape, by name, or
         the components in a row; with the axis of samples before.
         """
         states, frames, some = self.states, self.states.frames, self.samples
         ahead = () if self.alone else (len(some),)
-        if not isinstance(given, dict):
+        if not isinstance(cotangent, dict):
             row = (states.many * frames.count,) if self.by_site else (frames.count,)
             axes = (states.many,) if self.run.bodies is not None and not self.by_site else ()
-            array = arguments.cotangent(given, "", (*ahead, *axes, *row), "fiu").astype(float)
+            array = arguments.cotangent(cotangent, "", (*ahead, *axes, *row), "fiu").astype(float)
             self.by_states[some] = (
                 frames.of_each(array.reshape(len(some), -1)) if self.by_site
                 else array.reshape(len(some), states.many, -1)
             )  # fmt: skip
             return
-        arguments.known_parts(given, self.run.states)
+        arguments.known_parts(cotangent, self.run.states)
         parts = {}
         for name, x in self.run.states.items():
             shape, shown = (*ahead, *x.shape[1:]), self.run._by_site(name, x)
-            part = np.asarray(given.get(name, np.zeros(shape)))
+            part = np.asarray(cotangent.get(name, np.zeros(shape)))
             if shown is not x and part.shape == (*ahead, *shown.shape[1:]):
                 part = flat({name: np.asarray(part, shown.dtype)}, part.shape[0]).reshape(shape)
             array = arguments.cotangent(part, name, shape, "fiuc" if np.iscomplexobj(x) else "fiu")
@@ -113,13 +113,13 @@ class Loss:
     name : of the argument, for messages.
     """
 
-    def __init__(self, given: Any, name: str, bodies: int | None) -> None:
+    def __init__(self, functions: Any, name: str, bodies: int | None) -> None:
         self.name = name
-        self.each = isinstance(given, (list, tuple))
-        self.functions: Sequence[Any] = given if self.each else [given]
-        if self.each and len(given) != (bodies or 0):
+        self.each = isinstance(functions, (list, tuple))
+        self.functions: Sequence[Any] = functions if self.each else [functions]
+        if self.each and len(functions) != (bodies or 0):
             raise InvalidInput(
-                f"Plan.gradient: {name} has {len(given)} functions for {bodies or 'a start of one'} bodies"
+                f"Plan.gradient: {name} has {len(functions)} functions for {bodies or 'a start of one'} bodies"
             )
         for function in self.functions:
             if not callable(function):
@@ -191,11 +191,11 @@ def arguments_of(function: Any) -> list[str]:
     ]
 
 
-def sloping(function: Any, point: Any, given: Any, out: Any, failures: Any) -> None:
+def sloping(function: Any, point: Any, inputs: Any, out: Any, failures: Any) -> None:
     """The driver: a function of a state that carries a derivative, or of a time and the state."""
-    report(attempt(carried, function, *read(given, 0, point)), VALUE, out, failures)
+    report(attempt(carried, function, *read(inputs, 0, point)), VALUE, out, failures)
 
 
-def carried(function: Callable[..., Any], *given: Any) -> Any:
+def carried(function: Callable[..., Any], *inputs: Any) -> Any:
     """The value of a function as a number that carries its derivative, which may be zero."""
-    return fitted(1.0 * function(*given), VALUE)
+    return fitted(1.0 * function(*inputs), VALUE)

@@ -53,7 +53,7 @@ from .frames import group_of
 class StepPart(Record):
     """A part of a step, all numbers: which of the `SiteMotion`s it is, when it begins, and how long it is.
 
-    given : is a derivative by the state before it given?  momenta, elements : of what is kept of the
+    injected : is a derivative by the state before it added?  momenta, elements : of what is kept of the
     energies that were asked, the row of the first.  begin, end : the places of the sites that turn, or
     begin is the colour of bonds, last : behind the last place.  whole, length : when the step or the piece of
     one begins of which it is a part, and its length, where steps are cut.
@@ -62,7 +62,7 @@ class StepPart(Record):
     kind: float
     t: float
     h: float
-    given: float = 0.0
+    injected: float = 0.0
     momenta: float = 0.0
     elements: float = 0.0
     begin: float = 0.0
@@ -194,10 +194,10 @@ def parts_of(method: Any, site: Any) -> tuple[tuple[SiteMotion, ...], list[tuple
         ]
         return motions, rows
     if isinstance(method, (FieldSplitting, SeparableSplitting)):
-        given: Any = method
-        tableau, in_a_field = given.tableau, isinstance(method, FieldSplitting)
-        drift = Symplectic if in_a_field and is_symplectic(given.free) else WholeStep
-        free: Any = drift(given.free, True) if in_a_field else PointFlow(True)
+        splitting: Any = method
+        tableau, in_a_field = splitting.tableau, isinstance(method, FieldSplitting)
+        drift = Symplectic if in_a_field and is_symplectic(splitting.free) else WholeStep
+        free: Any = drift(splitting.free, True) if in_a_field else PointFlow(True)
         nodes = tableau.nodes if in_a_field else [0.0 for _ in tableau.kicks]
         loaded = in_a_field and site.load is not None
         last, rows = len(tableau.drifts), []
@@ -211,7 +211,7 @@ def parts_of(method: Any, site: Any) -> tuple[tuple[SiteMotion, ...], list[tuple
             rows += [(1, nodes[i], tableau.drifts[i])] if i < last else []
         if not in_a_field:
             return (PointFlow(), free), rows
-        return (Kick(given, not loaded), free, *([Kick(given, False, True)] if loaded else [])), rows
+        return (Kick(splitting, not loaded), free, *([Kick(splitting, False, True)] if loaded else [])), rows
     held = [x for x in records_in(site, TermsOfSite) if x.moves is not None]
     kind = Symplectic if isinstance(method, LiePoissonHamiltonJacobi) and not held else WholeStep
     return (kind(method),), [(0, 0.0, 1.0)]

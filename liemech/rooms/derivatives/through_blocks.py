@@ -249,8 +249,8 @@ class PreparedGradient:
 
     def __init__(self, plan: Any, bodies: int | None, one: Any, names: Any, t0: float) -> None:
         self.system, self.frames = plan.system, Frames(plan._steps.one, one)
-        self.given = plan, one, bodies, names, t0, self.frames.count
-        self.directions = ParameterDirections(*self.given)
+        self.arguments = plan, one, bodies, names, t0, self.frames.count
+        self.directions = ParameterDirections(*self.arguments)
         self.blocks: Blocks | None = None
 
     def forward(self, plan: Any, start: State, steps: int, t0: float, every: int | None, run: Any) -> Forward:
@@ -281,7 +281,7 @@ class PreparedGradient:
         except NotCompilable:
             if self.directions.side == 1:
                 raise
-            self.directions, self.blocks = ParameterDirections(*self.given, side=1), None
+            self.directions, self.blocks = ParameterDirections(*self.arguments, side=1), None
             return self.blocks_of(forward, work)  # direction by direction the code is shorter
         self.blocks = blocks
         return of_run

@@ -15,15 +15,15 @@ from ...simulation.between.dense import MotionBetween, evaluated, report, unpack
 from ...simulation.compiled.control import landed
 
 
-def arrive(method: Any, system: Any, reached: Any, h: float, given: Any, out: Any, failures: Any) -> None:
-    """The driver: from a sample, steps until a given time is passed, and instead of the last one a
+def arrive(method: Any, system: Any, reached: Any, h: float, inputs: Any, out: Any, failures: Any) -> None:
+    """The driver: from a sample, steps until a time is passed, and instead of the last one a
     shorter one to it.
 
-    given : the sample and the time.  reached : layout of the sample then, and the fictive time that
+    inputs : the sample and the time.  reached : layout of the sample then, and the fictive time that
     went by; behind them out has a one, or a zero as in `along`.
     """
-    sample = read(given, 0, reached.parts[0])
-    target = read(given, reached.parts[0].width, NUMBER)
+    sample = read(inputs, 0, reached.parts[0])
+    target = read(inputs, reached.parts[0].width, NUMBER)
     report(attempt(arrived, method, system, sample, h, target), reached, out, failures)
 
 
@@ -43,7 +43,7 @@ def arrived(method: Any, system: Any, sample: Any, h: float, target: float) -> t
 
 
 def arrivals(
-    method: Any, system: Any, example: Any, h: Any, given: np.ndarray, wanted: bool | None,
+    method: Any, system: Any, example: Any, h: Any, inputs: np.ndarray, wanted: bool | None,
     body: np.ndarray | None = None,
 ) -> np.ndarray:  # fmt: skip
     """From samples, (m, width + 1) with the times to be reached, the samples then, and the fictive
@@ -53,9 +53,9 @@ def arrivals(
     """
     reached = layout_of((example, 0.0))
     step = h if np.ndim(h) == 0 else kernel.Several.of(h.tolist(), len(h))
-    what = repr(method), lambda k: f"on the way to t = {given[k, -1]:g}"
+    what = repr(method), lambda k: f"on the way to t = {inputs[k, -1]:g}"
     arguments = method, system, reached, step
-    return evaluated(arrive, arguments, given, reached.width, wanted, what, body)
+    return evaluated(arrive, arguments, inputs, reached.width, wanted, what, body)
 
 
 def velocity_in_time(system: Any, t: float, state: Any) -> Any:
@@ -89,7 +89,7 @@ class FictiveMotion(MotionBetween):
         """The numbers of the states with their clock, and the fictive times, (n + 1, width + 1)."""
         return self.rows[:, 1:]
 
-    def given(self, before: np.ndarray, after: np.ndarray, times: np.ndarray) -> np.ndarray:
+    def inputs(self, before: np.ndarray, after: np.ndarray, times: np.ndarray) -> np.ndarray:
         """The state where a step begins, the time to be reached, the fictive time there, and how far
         behind it the step begins.
         """
@@ -100,11 +100,11 @@ class FictiveMotion(MotionBetween):
             numbers[first, :-3], numbers[first, -1] = self.begun[:-1], self.begun[-1]
         return numbers
 
-    def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray | None = None) -> np.ndarray:
+    def moved(self, inputs: np.ndarray, times: np.ndarray, body: np.ndarray | None = None) -> np.ndarray:
         """Behind the numbers of the states, the fictive times."""
-        run = self.method, self.system, self.example, self.h, given[:, :-2], self.wanted, body
+        run = self.method, self.system, self.example, self.h, inputs[:, :-2], self.wanted, body
         ends = arrivals(*run)
-        ends[:, -1] = given[:, -2] + (ends[:, -1] - given[:, -1])
+        ends[:, -1] = inputs[:, -2] + (ends[:, -1] - inputs[:, -1])
         return ends
 
     def looks(self, before: np.ndarray, after: np.ndarray, body: np.ndarray) -> np.ndarray:

@@ -95,7 +95,7 @@ class OfClocked(EqualRun):
 
     def _doubts(self, now: Any) -> None:
         """Warn of a step from here that may have no solution."""
-        doubt = self.laws_of(0)[1].step_warning(self.wholes[0], now, float(self.h[0]))
+        doubt = self.system_and_method(0)[1].step_warning(self.wholes[0], now, float(self.h[0]))
         if doubt:
             warn(doubt, StepWarning)
 
@@ -145,7 +145,7 @@ class FictiveRun(OfClocked):
                 )
         self.aims[LAST_TIME] = self.t_end
         if before is None:
-            self.origin = tuple([Origin(*self.laws_of(i), self.start_of(i)) for i in bodies])
+            self.origin = tuple([Origin(*self.system_and_method(i), self.start_of(i)) for i in bodies])
         else:
             origins = self.start.origin
             self.origin = tuple([origin_of(origins, i) for i in bodies]) if self.bodies else (origins,)
@@ -221,8 +221,8 @@ class FictiveRun(OfClocked):
         fields = self._kind, self.lanes.example, h, None, self.compiled_asked
         return FictiveMotion(method, system, *fields)
 
-    def given(self, piece: PieceOfBodies, step: np.ndarray, times: np.ndarray) -> np.ndarray:
-        starts, body = super().given(piece, step, times), piece.body[step]
+    def inputs(self, piece: PieceOfBodies, step: np.ndarray, times: np.ndarray) -> np.ndarray:
+        starts, body = super().inputs(piece, step, times), piece.body[step]
         for k in np.flatnonzero(piece.a[step] == self.t0[body]).tolist():
             inside = self.inside_at_start(int(body[k]))
             if inside is not None:

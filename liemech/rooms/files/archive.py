@@ -279,8 +279,8 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
         ("rejected", about["rejected"], (int, type(None)), True),
     ):
         _require_numbers(f"{decode.where}: {name}", x, kinds, bodies if of_each else None)
-    system = _laws_of(about["system"], System, Systems, bodies, decode)
-    method = _laws_of(about["method"], Method, Methods, bodies, decode)
+    system = _one_or_each(about["system"], System, Systems, bodies, decode)
+    method = _one_or_each(about["method"], Method, Methods, bodies, decode)
     states = _states_of(arrays, about, bodies, system, decode)
     origin = _origin_of(about, method, decode) if about.keys() & {"origin", "origins"} else None
     dense: Any = None
@@ -337,11 +337,11 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
     }
 
 
-def _laws_of(encoded_laws: Any, kind: type, of_each: Any, bodies: int | None, decode: Decoder) -> Any:
+def _one_or_each(written: Any, kind: type, of_each: Any, bodies: int | None, decode: Decoder) -> Any:
     """A system or a method, or those of each body, which `_of_each` wrote."""
-    if isinstance(encoded_laws, dict) and "class" in encoded_laws:
-        return decode.record(encoded_laws, kind)
-    several = of_each(tuple(decode.each(encoded_laws, kind)))
+    if isinstance(written, dict) and "class" in written:
+        return decode.record(written, kind)
+    several = of_each(tuple(decode.each(written, kind)))
     if len(several) != bodies:
         raise InvalidInput(f"{decode.where}: {several!r} are not those of {bodies} bodies")
     return several

@@ -146,11 +146,11 @@ def relative_equilibrium(system: Any, guess: Any) -> RelativeEquilibrium:
         )
     near.require_autonomous("relative_equilibrium", sizes)
     conserved, changes = kept_momenta(near, sizes)
-    near, w = _found(near, sizes, conserved, changes)
-    return _judged(near, near.sizes(sizes), conserved, changing(near, sizes, conserved, changes), w)
+    near, w = _critical_point(near, sizes, conserved, changes)
+    return _with_motion_near(near, near.sizes(sizes), conserved, changing(near, sizes, conserved, changes), w)
 
 
-def _found(
+def _critical_point(
     near: NearState, sizes: np.ndarray, conserved: np.ndarray, changes: np.ndarray
 ) -> tuple[NearState, np.ndarray]:
     """The equilibrium, and the weights w of its kept momenta."""
@@ -193,7 +193,7 @@ def _equations(
     return matrix, np.concatenate([steady / fast, (momenta - prescribed) / levels]), units
 
 
-def _judged(
+def _with_motion_near(
     near: NearState, sizes: np.ndarray, conserved: np.ndarray, moving: np.ndarray, w: np.ndarray
 ) -> RelativeEquilibrium:
     """The equilibrium with the motion near it.  moving : those of the kept momenta that are not stationary there."""
@@ -211,7 +211,7 @@ def _judged(
     energy = form @ motion  # D^2 H_w
     level, coordinates = null_space(by_state)
     along_symmetries = (generated @ null_space(by_state @ generated)[0])[coordinates]
-    dropped, left, shift = _without(along_symmetries, level.T @ energy @ level)
+    dropped, left, shift = _complement(along_symmetries, level.T @ energy @ level)
     across = level[:, left]
     reduced = (motion @ across)[coordinates]
     reduced = reduced[left] - shift @ reduced[dropped]
@@ -228,7 +228,7 @@ def _judged(
     return RelativeEquilibrium(near.state, velocity, conserved.shape[1], np.linalg.eigvals(reduced), squares)
 
 
-def _without(directions: np.ndarray, energy: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _complement(directions: np.ndarray, energy: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The space of coordinates without some directions in it: the coordinates to be dropped, those that are left, and
     how these change along the directions for one unit of those that are dropped.
 

@@ -25,31 +25,31 @@ from ..compiled.execution import COLUMNS, Execution, like, numbers_of
 from .turning import looks_by_velocity, looks_on_the_way, turning_of
 
 
-def along(retraction: Any, system: Any, row: Any, given: Any, out: Any, failures: Any) -> None:
+def along(retraction: Any, system: Any, row: Any, inputs: Any, out: Any, failures: Any) -> None:
     """The driver: a state, moved along its step by Omega(theta) = theta (p_1 + theta (p_2 + ...)),
     0 <= theta <= 1.  row : layout of state, coefficients and theta.
 
     Behind the state, out has a one; a zero tells that a formula failed.  failures : None, or a list
     for what it raised.
     """
-    state, coefficients, theta = read(given, 0, row)
+    state, coefficients, theta = read(inputs, 0, row)
     moved = attempt(on_the_way, retraction, system, state, coefficients, theta)
     report(moved, row.parts[0], out, failures)
 
 
-def short_step(method: Any, system: Any, point: Any, given: Any, out: Any, failures: Any) -> None:
+def short_step(method: Any, system: Any, point: Any, inputs: Any, out: Any, failures: Any) -> None:
     """The driver: one step of any length, from a state and a time.  Behind the state, out has a
     one; or a zero, as in `along`.
     """
-    state = read(given, 0, point)
-    t, h = read(given, point.width, NUMBER), read(given, point.width + 1, NUMBER)
+    state = read(inputs, 0, point)
+    t, h = read(inputs, point.width, NUMBER), read(inputs, point.width + 1, NUMBER)
     moved = attempt(_stepped, method, system, t, state, h)
     report(moved, point, out, failures)
 
 
-def velocity_of(velocity: Any, system: Any, point: Any, moving: Any, given: Any, out: Any, failures: Any) -> None:
+def velocity_of(velocity: Any, system: Any, point: Any, moving: Any, inputs: Any, out: Any, failures: Any) -> None:
     """The driver: the velocity in a state, and behind it a time; zero where there is none."""
-    state, t = read(given, 0, point), read(given, point.width, NUMBER)
+    state, t = read(inputs, 0, point), read(inputs, point.width, NUMBER)
     moved = attempt(velocity, system, t, state)
     for k in range(moving.width):
         write(out, k, 0.0, NUMBER)
@@ -64,9 +64,7 @@ def _turning(system: Any, t: float, state: Any) -> Any:
 
 
 def report(moved: Any, point: Any, out: Any, failures: Any) -> None:
-    """The end of a driver: the state that came of an attempt, and behind it whether it went
-    through.
-    """
+    """The end of a driver: the state that came of an attempt, and behind it whether it went through."""
     good = accepted(moved, itself, point)
     if any_body(good):
         write(out, 0, moved, point)
@@ -104,12 +102,12 @@ def within_run(times: np.ndarray, t: np.ndarray) -> np.ndarray:
 class MotionBetween:
     """The motion inside of steps, and of a run that has kept their ends between these; abstract.
 
-    A subclass writes `given` and `moved`.
+    A subclass writes `inputs` and `moved`.
     """
 
     example: Any  # a state
     wanted: bool | None  # False for plain Python only
-    # (n + 1, ...) of every end of a step the time, the state, and what else `given` needs; of a run whose observers ask
+    # (n + 1, ...) of every end of a step the time, the state, and what else `inputs` needs; of a run whose observers ask
     # there are none
     rows: Any
     closer: ClassVar[bool] = False  # may states inside of a step ask for more looks there?
@@ -129,11 +127,11 @@ class MotionBetween:
         """The numbers of the states there, (n + 1, width)."""
         return self.rows[:, 1 : 1 + self.width]
 
-    def given(self, before: np.ndarray, after: np.ndarray, times: np.ndarray) -> np.ndarray:
+    def inputs(self, before: np.ndarray, after: np.ndarray, times: np.ndarray) -> np.ndarray:
         """The input of `moved`, (m, ...), from the rows where steps begin and end and times inside of them."""
         raise NotImplementedError
 
-    def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray | None = None) -> np.ndarray:
+    def moved(self, inputs: np.ndarray, times: np.ndarray, body: np.ndarray | None = None) -> np.ndarray:
         """The numbers of the states at these times, (m, width).
 
         body : of each of them, where parameters are of each body.
@@ -166,9 +164,7 @@ class MotionBetween:
         return looks_by_velocity(np.maximum(turning(spans * start), turning(spans * end)))
 
     def numbers(self, times: np.ndarray) -> np.ndarray:
-        """The numbers of the states at these times, (m, width).  Raises InvalidInput for times
-        outside the run.
-        """
+        """The numbers of the states at these times, (m, width).  Raises InvalidInput for times outside the run."""
         return self.within(within_run(times, self.t))
 
     def within(self, times: np.ndarray) -> np.ndarray:
@@ -184,7 +180,7 @@ class MotionBetween:
         between = ((times != t[step]) > at_end).nonzero()[0]
         if len(between):
             step, times = step[between], times[between]
-            inputs = self.given(self.rows[step], self.rows[step + 1], times)
+            inputs = self.inputs(self.rows[step], self.rows[step + 1], times)
             states[between] = self.moved(inputs, times)
         return states
 
@@ -229,19 +225,19 @@ class DenseOutput(MotionBetween):
         """The coefficients of the polynomials, (n, number of them * dim)."""
         return self.rows[1:, 1 + self.width :]
 
-    def given(self, before: np.ndarray, after: np.ndarray, times: np.ndarray) -> np.ndarray:
+    def inputs(self, before: np.ndarray, after: np.ndarray, times: np.ndarray) -> np.ndarray:
         width, starts = self.width, before[:, 0]
         inputs = np.empty((len(times), after.shape[1]))
         inputs[:, :width], inputs[:, width:-1] = before[:, 1 : 1 + width], after[:, 1 + width :]
         inputs[:, -1] = (times - starts) / (after[:, 0] - starts)
         return inputs
 
-    def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray | None = None) -> np.ndarray:
+    def moved(self, inputs: np.ndarray, times: np.ndarray, body: np.ndarray | None = None) -> np.ndarray:
         dim = kernel.examples([self.system])[0].group.dim
-        row = way_layout(self.example, dim, (given.shape[1] - 1 - self.width) // dim)
+        row = way_layout(self.example, dim, (inputs.shape[1] - 1 - self.width) // dim)
         arguments = self.retraction, self.system, row
         what = "dense output", lambda k: f"between two steps, t = {times[k]:g}"
-        return evaluated(along, arguments, given, self.width, self.wanted, what, body)
+        return evaluated(along, arguments, inputs, self.width, self.wanted, what, body)
 
     def looks(self, before: np.ndarray, after: np.ndarray, body: np.ndarray) -> np.ndarray:
         """Counts of looks by the polynomials, whose derivatives bound the velocity."""
@@ -278,7 +274,7 @@ class DenseOutputs:
 
 
 def way_layout(example: Any, dim: int, terms: int) -> Any:
-    """The layout of what `along` is given: state, coefficients of the way along a step, part of it."""
+    """The layout of what `along` reads: state, coefficients of the way along a step, part of it."""
     return layout_of((example, (Vec(*[0.0] * dim),) * terms, 0.0))
 
 
@@ -303,7 +299,7 @@ class ShortSteps(MotionBetween):
         """The order of the method: a single step more, of error h^(order + 1), does not lower it."""
         return int(self.method.order)
 
-    def given(self, before: np.ndarray, after: np.ndarray, times: np.ndarray) -> np.ndarray:
+    def inputs(self, before: np.ndarray, after: np.ndarray, times: np.ndarray) -> np.ndarray:
         points, starts = before[:, 1 : 1 + self.width], before[:, 0]
         return np.concatenate([points, starts[:, None], (times - starts)[:, None]], axis=1)
 
@@ -312,19 +308,19 @@ class ShortSteps(MotionBetween):
         (system,) = kernel.examples([self.system])
         return self._by_velocities(_turning, system._turning_group, before, after, body)
 
-    def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray | None = None) -> np.ndarray:
+    def moved(self, inputs: np.ndarray, times: np.ndarray, body: np.ndarray | None = None) -> np.ndarray:
         (method,) = kernel.examples([self.method])
         if method.noisy:
             raise IncompatibleSystem(f"{method!r} knows no state at t = {times[0]:g}, inside of a step: {AT_ENDS}")
-        what = (repr(method), lambda k: f"the shorter step from t = {given[k, -2]:g} to t = {times[k]:g}")
+        what = (repr(method), lambda k: f"the shorter step from t = {inputs[k, -2]:g} to t = {times[k]:g}")
         arguments = self.method, self.system, layout_of(self.example)
-        return evaluated(short_step, arguments, given, self.width, self.wanted, what, body)
+        return evaluated(short_step, arguments, inputs, self.width, self.wanted, what, body)
 
 
 def evaluated(
     driver: Any,
     arguments: tuple[Any, ...],
-    given: np.ndarray,
+    inputs: np.ndarray,
     width: int,
     wanted: bool | None,
     what: tuple[str, Callable[[int], str]] = ("dense output", lambda k: "between two steps"),
@@ -335,13 +331,13 @@ def evaluated(
     what : what has failed if a row does, and where, by the number of the row.  body : of each row, of
     which body it is, where arguments are `Several`.
     """
-    count = len(given)
+    count = len(inputs)
     execution, constants = execution_of(driver, arguments, wanted)
     results, done = np.empty((count, width + 1)), 0
 
     def plainly(k: int) -> None:
         values = [x.values[body[k]] if isinstance(x, kernel.Several) and body is not None else x for x in arguments]
-        _one(driver, values, given[k], results[k], what, k)
+        _one(driver, values, inputs[k], results[k], what, k)
 
     while done < count and not execution.ready(done / count):
         end = min(done + 8, count)
@@ -352,32 +348,34 @@ def evaluated(
     if done < count:
         several = [x.columns for x in arguments if isinstance(x, kernel.Several)]
         parameters = [x.take(body[done:], axis=1) for x in several] if body is not None else []
-        results[done:count] = natively(execution, constants, given[done:], width, parameters)
+        results[done:count] = natively(execution, constants, inputs[done:], width, parameters)
         if not results[:count, -1].all():
             for k in np.flatnonzero(results[:count, -1] == 0.0).tolist():  # say why
                 plainly(k)
     return results[:count, :-1].copy()
 
 
-def natively(execution: Execution, constants: bytes, given: np.ndarray, width: int, parameters: Any = ()) -> np.ndarray:
+def natively(
+    execution: Execution, constants: bytes, inputs: np.ndarray, width: int, parameters: Any = ()
+) -> np.ndarray:
     """Run the native code of a driver on every row of numbers: what it makes of it, and behind it a
     one, or a zero for a formula that failed, (m, width + 1).
 
     parameters : (width, m) numbers of which every row has its own.
     """
-    count, lanes = len(given), execution.lanes
+    count, lanes = len(inputs), execution.lanes
     columns = -(-count // lanes) * lanes
-    rows, out = np.empty((given.shape[1], columns)), np.empty((width + 1, columns))
-    rows[:, :count], rows[:, count:] = given.T, given[-1][:, None]
+    rows, out = np.empty((inputs.shape[1], columns)), np.empty((width + 1, columns))
+    rows[:, :count], rows[:, count:] = inputs.T, inputs[-1][:, None]
     last = np.minimum(np.arange(columns), count - 1)
     padded = [x.take(last, axis=1) for x in parameters]
     execution.run(constants, (), (*padded, rows, out), columns, 0, columns)
     return out.T[:count]
 
 
-def observe(function: Any, point: Any, result: Any, given: Any, out: Any, failures: Any) -> None:
+def observe(function: Any, point: Any, result: Any, inputs: Any, out: Any, failures: Any) -> None:
     """The driver: a function of a state and, behind it, a time."""
-    state, t = read(given, 0, point), read(given, point.width, NUMBER)
+    state, t = read(inputs, 0, point), read(inputs, point.width, NUMBER)
     report(attempt(function, t, state), result, out, failures)
 
 
@@ -407,11 +405,11 @@ def execution_of(
 
 
 def _one(
-    driver: Any, arguments: Any, given: np.ndarray, out: np.ndarray, what: tuple[str, Callable[[int], str]], k: int
+    driver: Any, arguments: Any, inputs: np.ndarray, out: np.ndarray, what: tuple[str, Callable[[int], str]], k: int
 ) -> None:
     failures: list[Exception | None] = []
     try:
-        driver(*arguments, given, out, failures)
+        driver(*arguments, inputs, out, failures)
     except KeyboardInterrupt as stop:
         stop.row = k  # type: ignore[attr-defined]
         raise
@@ -424,9 +422,7 @@ def _one(
 
 
 def unpacked(layout: Any, numbers: np.ndarray) -> dict[str, np.ndarray]:
-    """Numbers of states, (..., width), as the parts of the state by name: views, of complex numbers
-    perhaps copies.
-    """
+    """Numbers of states, (..., width), as the parts of the state by name: views, of complex numbers perhaps copies."""
     arrays = {}
     for name, begin, end, shape, is_complex in _parts(layout):
         part = numbers[..., begin:end]
@@ -451,9 +447,7 @@ def _parts(layout: Any) -> list[tuple[str, int, int, tuple[int, ...], bool]]:
 
 
 def flat(arrays: dict[str, np.ndarray], count: int) -> np.ndarray:
-    """The numbers of many states, (count, width), from the parts of the state by name; a complex
-    number is two.
-    """
+    """The numbers of many states, (count, width), from the parts of the state by name; a complex number is two."""
     parts = [np.ascontiguousarray(x) for x in arrays.values()]
     real = [x.view(float) if np.iscomplexobj(x) else x.astype(float, copy=False) for x in parts]
     rows = [x.reshape(count, x.size // count if count else math.prod(x.shape[1:])) for x in real]
@@ -461,9 +455,7 @@ def flat(arrays: dict[str, np.ndarray], count: int) -> np.ndarray:
 
 
 def lay_out(arrays: dict[str, np.ndarray], columns: np.ndarray) -> None:
-    """Write the numbers of many states, a column for each body; lanes that are left over repeat the last
-    body.
-    """
+    """Write the numbers of many states, a column for each body; lanes that are left over repeat the last body."""
     at = 0
     for part in arrays.values():
         count = len(part)

@@ -187,13 +187,13 @@ class Moving:
         """The numbers of states that are kept of zeros, at times in steps."""
         return self.inside(piece, step, times)
 
-    def given(self, piece: Any, step: np.ndarray, times: np.ndarray) -> Any:
+    def inputs(self, piece: Any, step: np.ndarray, times: np.ndarray) -> Any:
         """Rows of numbers from which `moved` finds states at times inside of steps."""
-        return self.between.given(piece.rows(step, before=True), piece.rows(step), times)
+        return self.between.inputs(piece.rows(step, before=True), piece.rows(step), times)
 
-    def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray) -> Any:
-        """Numbers of states, (m, width), from the rows of `given`."""
-        return self.between.moved(given, times, body)
+    def moved(self, inputs: np.ndarray, times: np.ndarray, body: np.ndarray) -> Any:
+        """Numbers of states, (m, width), from the rows of `inputs`."""
+        return self.between.moved(inputs, times, body)
 
     def looks(self, piece: Any, step: np.ndarray) -> Any:
         """Counts of looks into steps, (m,), such that none is more than a quarter of a turn from the last."""
@@ -207,7 +207,7 @@ class Moving:
         between = np.flatnonzero((times != piece.b[step]) & ~before)
         if len(between):
             steps = step[between]
-            inputs = self.given(piece, steps, times[between])
+            inputs = self.inputs(piece, steps, times[between])
             states[between] = self.moved(inputs, times[between], piece.body[steps])
         return states
 
@@ -443,7 +443,7 @@ class Events:
         _, at, k, numbers = hit
         watch, run = self.each[body], self.run
         event: Any = self.events[k]
-        system, before = run.laws_of(body)[0], run.view.small(numbers)
+        system, before = run.system_and_method(body)[0], run.view.small(numbers)
         try:
             after = arguments.started(system, event.after(at, before), None, at)
             if any(after.parts[name] is None for name in before.arrays):

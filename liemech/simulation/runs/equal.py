@@ -158,9 +158,7 @@ class EqualRun(Run):
         return shape.lanes_of(self.way, self.control, self.extra, side)
 
     def _first(self, first_start: State, started: Layout) -> tuple[Any, Any]:
-        """The first memory of the method for the first body that can begin, and the
-        sample that shows it.
-        """
+        """The first memory of the method for the first body that can begin, and the sample that shows it."""
         for i in range(self.count):
             start = fitted(self._member(i), started) if i else first_start
             trial = attempt(begun, self.way.way_of(i), self.way.system_of(i), start, self.h.item(i))
@@ -249,9 +247,7 @@ class EqualRun(Run):
             stepping.compile()
 
     def _lay_down(self, columns: np.ndarray) -> None:
-        """Write the numbers of the start, a column for each body; lanes that are left over repeat
-        the last body.
-        """
+        """Write the numbers of the start, a column for each body; lanes that are left over repeat the last body."""
         if not self.bodies:
             columns[:, 0] = leaves(self.stepped, self.shape.given)
             return
@@ -303,7 +299,7 @@ class EqualRun(Run):
     def error(self, i: int) -> Any:
         error = (self.failures.get(i) or [None])[-1]
         count_samples = None if self.bodies else lambda: len(self.samples(i)[0])
-        return self.explained(told(error, self.laws_of(i)[1], self.place(i), count_samples), i, goes_on=False)
+        return self.explained(told(error, self.system_and_method(i)[1], self.place(i), count_samples), i, goes_on=False)
 
     def place(self, i: int) -> str:
         """The step that a body did not make, and the time from which."""
@@ -508,9 +504,7 @@ class StraightRun(EqualRun):
         return count
 
     def _gathered(self) -> tuple[np.ndarray, np.ndarray, int]:
-        """Times, (n,) or of bodies with steps of their own (n, bodies), and numbers of samples, (n,
-        bodies, width).
-        """
+        """Times, (n,) or of bodies with steps of their own (n, bodies), and numbers of samples, (n, bodies, width)."""
         samples = self.observers[0]
         self._stand_here()
         count = self._stopped_stay(samples)
@@ -539,9 +533,7 @@ class StraightRun(EqualRun):
     asked: Any
 
     def _between(self, samples: Straight, numbers: np.ndarray, wanted: np.ndarray) -> Any:
-        """The samples at times that were asked for: after the last whole step before each a shorter
-        one.
-        """
+        """The samples at times that were asked for: after the last whole step before each a shorter one."""
         t, after, exact = self.asked[wanted], self.after[wanted], self.exact[wanted]
         states = numbers[np.searchsorted(samples.numbers, after)]
         moving = ~exact[:, None] & (after[:, None] < np.where(self.over, 0, np.where(
@@ -590,9 +582,7 @@ class StraightRun(EqualRun):
 
 
 class Advance(StraightRun):
-    """Steps that warn of a body only when it stops, and of which an interrupt leaves all bodies at the
-    same one.
-    """
+    """Steps that warn of a body only when it stops, and of which an interrupt leaves all bodies at the same one."""
 
     def _sweep(self, turns: int, every: int, pace: int) -> int:
         before = self.table.copy()

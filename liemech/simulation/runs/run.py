@@ -28,9 +28,7 @@ ROOM = 1024
 """Bodies of a thread whose numbers stay in the cache."""
 
 TURNS, LONGEST, WORK = 8, 2**11, 2**13
-"""Trials of a body between two looks at who has come to the end: at least and at most, and of all
-bodies together.
-"""
+"""Trials of a body between two looks at who has come to the end: at least and at most, and of all bodies together."""
 
 PATIENCE = 0.25
 """Seconds between two looks at the keyboard."""
@@ -470,7 +468,7 @@ class Run(Course, Moving):
 
     # ---------------------------------------------------------------- what came of it
 
-    def laws_of(self, i: int) -> tuple[Any, Any]:
+    def system_and_method(self, i: int) -> tuple[Any, Any]:
         """The pair of system and method of body i."""
         return one_of(self.plan.system, i), one_of(self.plan.method, i)
 

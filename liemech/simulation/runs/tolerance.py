@@ -51,9 +51,7 @@ from .run import Run
 
 @frozen(eq=False)
 class AdaptiveSteps:
-    """Adaptive steps: what a plan was told of them.  h : the first step, None to find it;
-    longest : the longest one.
-    """
+    """Adaptive steps: what a plan was told of them.  h : the first step, None to find it; longest : the longest one."""
 
     system: Any
     method: Any
@@ -174,7 +172,7 @@ class ToleranceRun(Run):
         self.here = np.concatenate([self.t0[None], numbers[:width]])
         if not self.way.smooth:
             for i in range(count):
-                system, method = self.laws_of(i)
+                system, method = self.system_and_method(i)
                 t0, end = float(self.t0[i]), float(self.t_end[i])
                 jumps = jumps_between(method, system, self.way.breaks, t0, end)
                 branches = stretches(jumps, t0, end)
@@ -185,7 +183,7 @@ class ToleranceRun(Run):
 
     def _still(self, i: int) -> Any:
         """The rejected velocity of a body where its run begins; None if there is one."""
-        xi = velocity(self.laws_of(i)[0], self.t0.item(i), self.start_of(i))
+        xi = velocity(self.system_and_method(i)[0], self.t0.item(i), self.start_of(i))
         return None if accepted(xi, itself) else xi
 
     def _lanes(self) -> Lanes:
@@ -198,11 +196,11 @@ class ToleranceRun(Run):
         if lanes is not None:
             lanes_of_run: Lanes = lanes.of_a_run()
             return lanes_of_run
-        system, method = self.laws_of(0)
+        system, method = self.system_and_method(0)
         xi: Any = Vec(*[0.0] * system.group.dim)
         for i in range(self.count):
             state = self.start_of(i)
-            rate = velocity(self.laws_of(i)[0], self.t0.item(i), state)
+            rate = velocity(self.system_and_method(i)[0], self.t0.item(i), state)
             if accepted(rate, itself):
                 example, xi = state, rate
                 break
@@ -227,7 +225,7 @@ class ToleranceRun(Run):
 
     @functools.cached_property
     def between(self) -> DenseOutput:
-        several, method = self.lanes.arguments[1], self.laws_of(0)[1]
+        several, method = self.lanes.arguments[1], self.system_and_method(0)[1]
         retraction = method.retraction
         if isinstance(self.plan.method, OfBodies) and layout_of(retraction).width:
             retractions = [method_of_body.retraction for method_of_body in self.plan.method]
@@ -237,7 +235,7 @@ class ToleranceRun(Run):
 
     def end_at(self, row: np.ndarray, begun: float, at: float, numbers: np.ndarray) -> None:
         width = self.lanes.state.width
-        terms = (len(row) - 1 - width) // self.laws_of(0)[0].group.dim
+        terms = (len(row) - 1 - width) // self.system_and_method(0)[0].group.dim
         row[1 + width :] = part_of_way(row[1 + width :], (at - begun) / (row[0] - begun), terms)
         super().end_at(row, begun, at, numbers)
 
@@ -272,7 +270,7 @@ class ToleranceRun(Run):
 
     def _dense(self, i: int) -> DenseOutput:
         """The dense output of body i, over its own steps."""
-        (system, method), last = self.laws_of(i), self.observers[-1]
+        (system, method), last = self.system_and_method(i), self.observers[-1]
         rows = last.rows_of(i) if self.bodies else last.rows
         motion = self.lanes.example, rows, method.dense_order, self.compiled_asked
         return DenseOutput(system, method.retraction, *motion)
@@ -308,7 +306,7 @@ class ToleranceRun(Run):
         """The error of steps that became too small to go on, with the error that the last trial raised.  A mistake in a
         formula is raised itself.
         """
-        clock, (system, method) = self.clocks[:, i], self.laws_of(i)
+        clock, (system, method) = self.clocks[:, i], self.system_and_method(i)
         t, h, steps = float(clock[TIME]), float(clock[STEP]), int(clock[TAKEN])
         rtol, atol = self.goals[RTOL, i].item(), self.goals[ATOL, i].item()
         state, xi = build(self.lanes.layout, iter(self.numbers[:, i].tolist()))

@@ -97,13 +97,13 @@ def one_moved(way: WayBack, motion: SiteMotion, part: StepPart, states: Any, n: 
 
 
 def backward_parts(
-    way: WayBack, count: int, parts: Any, states: Any, felt: Any, given: Any, momenta: Any,
+    way: WayBack, count: int, parts: Any, states: Any, felt: Any, injected: Any, momenta: Any,
     elements: Any,
 ) -> None:  # fmt: skip
     """The driver: the derivative by the state after the last of so many parts becomes the one by the
     state before the first of them.
 
-    given : derivatives by states before parts, those of the last one first.  momenta, elements : where
+    injected : derivatives by states before parts, those of the last one first.  momenta, elements : where
     energies were asked.
     """
     met = 0
@@ -116,8 +116,8 @@ def backward_parts(
                     turned_back(way, motion, part, states, n, felt, elements, momenta)
                 else:
                     each(states, one_back, way, motion, part, states, n, felt, momenta, elements)
-        for _ in range(int(part.given)):
-            each(states, one_given, way, felt, given, met)
+        for _ in range(int(part.injected)):
+            each(states, one_injected, way, felt, injected, met)
             met = met + 1
 
 
@@ -185,9 +185,9 @@ def one_at_rest(alongs: Any, layout: Any) -> None:
     save(alongs, 0, vec(*[0.0 for _ in range(layout.width)]), layout)
 
 
-def one_given(way: WayBack, felt: Any, given: Any, k: int) -> None:
-    """A derivative that is given, of one site."""
-    save(felt, 0, added(load(felt, 0, way.felt), load(given, k, way.felt)), way.felt)
+def one_injected(way: WayBack, felt: Any, injected: Any, k: int) -> None:
+    """Add the derivative of a function of the state between two steps, at one site."""
+    save(felt, 0, added(load(felt, 0, way.felt), load(injected, k, way.felt)), way.felt)
 
 
 def added(w: Any, more: Any) -> Any:

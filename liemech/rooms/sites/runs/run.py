@@ -1,6 +1,4 @@
-"""Runs of one system of many sites: steps with the number of the site left open, samples where they
-are wanted.
-"""
+"""Runs of one system of many sites: steps with the number of the site left open, samples where they are wanted."""
 
 from __future__ import annotations
 
@@ -254,14 +252,14 @@ class SiteRun(Course):
         end soon.
         """
         since = time.perf_counter()
-        before = self._elements() if self.lists is not None and turns else None
+        before = self._elements_now() if self.lists is not None and turns else None
         if before is not None:
             self.site = self.lists.at(before)
         if self.observer is None:
             self._steps(turns, self.samples)
         else:
             self.observer.go(turns)
-        if before is not None and not self.lists.held(before, self._elements()):
+        if before is not None and not self.lists.held(before, self._elements_now()):
             error = NoConvergence(
                 f"a site moved further than {SHORT:g} of the {self.lists.skin:.3g} by which lists of "
                 "neighbours reach beyond the cutoff; take a smaller step"
@@ -404,7 +402,7 @@ class SiteRun(Course):
         self.starts, self.place = self._planes(rows), np.zeros((2, 1))
         self._begin()
 
-    def _elements(self) -> np.ndarray:
+    def _elements_now(self) -> np.ndarray:
         """The elements of the sites where the run stands."""
         return self.elements(self.shape.shown_rows(self._memory))
 
