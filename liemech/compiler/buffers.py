@@ -277,12 +277,12 @@ def arrays_of(kinds: Any) -> int:
     return sum(not isinstance(kind, Layout) and kind != "integer" for kind in kinds)
 
 
-def entrance(module: ir.Module, function: ir.Function, kinds: Any, rows: int, pairs: bool) -> None:
+def entrance(module: ir.Module, function: ir.Function, kinds: Any, needs: tuple[int, bool, bool]) -> None:
     """Add the function that Python calls with the address of one block: bodies, begin, end, the integers, the
     addresses of arrays, the numbers.
 
-    rows : of scratch memory that loops over sites need.  pairs : do all pairs of sites meet in them?
-    Called without such memory, for no bodies, the function leaves these in the first two places.
+    needs : of loops over sites, the rows of scratch memory; do all pairs of sites meet in them; does one thread run them?
+    Called without such memory, for no bodies, the function leaves these in the first three places.
     """
     integers = sum(kind in ("integer", "rows", "planes") for kind in kinds)
     arrays = arrays_of(kinds) + 3 * ("planes" in kinds)
@@ -295,8 +295,8 @@ def entrance(module: ir.Module, function: ir.Function, kinds: Any, rows: int, pa
     bodies, begin, end = (b.load(place, typ=I64) for place in places[:3])
     if "planes" in kinds:
         with b.if_then(b.icmp_signed("==", bodies, I64(0))):
-            b.store(I64(rows), places[0])
-            b.store(I64(int(pairs)), places[1])
+            for x, place in zip(needs, places):
+                b.store(I64(int(x)), place)
             b.ret_void()
     integer, array, number = (b.bitcast(p, function.args[i].type) for p, i in zip(places[3:], (1, 2, 0), strict=True))
     b.call(function, [number, integer, array, bodies, begin, end])

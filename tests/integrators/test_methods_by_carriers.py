@@ -174,20 +174,8 @@ PAIRS = [(carrier, method) for method, carriers in STEPS.items() for carrier in 
 END = 0.24
 
 
-PLAIN_ALONE = "two links", lm.Taylor(4, lm.Exponential())
-DEFICIENT = pytest.mark.xfail(raises=lm.errors.NotCompilable, strict=True, reason="series are not chosen in branches")
-
-
-def cases(native: bool) -> list[Any]:
-    """Every pair that steps."""
-    return [
-        pytest.param(
-            *pair,
-            marks=[pytest.mark.slow, *([DEFICIENT] if native and pair == PLAIN_ALONE else [])],
-            id=f"{pair[0]}-{pair[1]!r}",
-        )
-        for pair in PAIRS
-    ]
+CASES = [pytest.param(*pair, marks=pytest.mark.slow, id=f"{pair[0]}-{pair[1]!r}") for pair in PAIRS]
+"""Every pair that steps."""
 
 
 def missed(carrier: str, seen: Any) -> float:
@@ -201,7 +189,7 @@ def missed(carrier: str, seen: Any) -> float:
     return float(np.abs(seen.g[-1] @ np.swapaxes(seen.g[-1], -1, -2) - np.eye(3)).max())
 
 
-@pytest.mark.parametrize(("carrier", "method"), cases(native=False))
+@pytest.mark.parametrize(("carrier", "method"), CASES)
 def test_laws_of_a_method(carrier: str, method: Any) -> None:
     counts, exact = (4, 8, 16), motion(carrier)
     runs = [run(carrier, method, h=END / n, steps=n) for n in counts]
@@ -221,7 +209,7 @@ def test_laws_of_a_method(carrier: str, method: Any) -> None:
 COMPONENTS = {"body": 6, "spins": 9, "bodies": 18}
 
 
-@pytest.mark.parametrize(("carrier", "method"), [x for x in cases(native=False) if x.values[0] in COMPONENTS])
+@pytest.mark.parametrize(("carrier", "method"), [x for x in CASES if x.values[0] in COMPONENTS])
 def test_gradients_go_backwards_through_what_goes_forwards(carrier: str, method: Any) -> None:
     """<w, J v> = <J^T w, v> of a method on a carrier, J v forwards."""
     system, start = CARRIERS[carrier](False)
@@ -247,7 +235,7 @@ def goes_back(plan: Any, start: Any) -> bool:
 
 
 @pytest.mark.skipif(kernel.available() is not None, reason="needs llvmlite")
-@pytest.mark.parametrize(("carrier", "method"), cases(native=True))
+@pytest.mark.parametrize(("carrier", "method"), CASES)
 def test_bits_of_plain_python_and_an_energy_without_trend(carrier: str, method: Any) -> None:
     plain, native = (run(carrier, method, compiled=c, h=0.05, steps=3) for c in (False, True))
     assert native.compiled and np.array_equal(state(plain), state(native))

@@ -193,7 +193,7 @@ def test_rows_of_scratch_memory() -> None:
     procedure = Procedure(lm.RKMK(), Equal(), memory, PLACE, shown, False, None)
     arguments = procedure, system, 1, planes, planes, *[shared] * 3, *[none] * 4, None
     made = kernel.kernel(advance_sites, *arguments, lanes=kernel.width())
-    assert needs(made) == (15, False)  # twice what is published, and three velocities
+    assert needs(made) == (15, False, False)  # twice what is published, and three velocities
     assert SiteCalls(made, 100).scratch.shape == (15, padded(100))
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from liemech.compiler import kernel
 from liemech.compiler.driver import accepted, attempt, itself, write
+from liemech.compiler.sites import site_calls
 from liemech.compiler.sites.planes import Planes, columns, each
-from liemech.compiler.sites.site_calls import SiteCalls
 from liemech.errors import InvalidInput, NoConvergence, NotCompilable
 from liemech.formulas import vec
 from liemech.formulas.classes.layouts import layout_of, vector
@@ -81,7 +81,7 @@ def run(h: float, lanes: int) -> tuple[np.ndarray, bool]:
     sites, done = filled(), np.zeros(1)
     arguments = sites, h, kernel.Shared(done)
     if lanes:
-        SiteCalls(kernel.kernel(driver, *arguments, lanes=lanes), N)(*arguments)
+        site_calls.SiteCalls(kernel.kernel(driver, *arguments, lanes=lanes), N)(*arguments)
     else:
         driver(sites, h, done)
     return y_of(sites), bool(done[0])
@@ -118,6 +118,21 @@ def test_where_it_fails_no_site_goes_on() -> None:
     for lanes in (0, 8):
         found, done = run(-0.3, lanes)
         assert not done and np.array_equal(found, y_of(filled())), lanes
+
+
+@native
+@pytest.mark.slow
+def test_one_thread_makes_such_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However many are asked for, and however much there is to do; other loops are shared."""
+
+    def shared(sites: Any, h: float) -> None:
+        each(sites, begun, h, places(sites))
+
+    monkeypatch.setattr(site_calls, "SHARE", 1)
+    monkeypatch.setattr(site_calls.guard_words, "ON", False)
+    alone = kernel.kernel(driver, filled(), 0.3, kernel.Shared(np.zeros(1)), lanes=8)
+    assert len(site_calls.SiteCalls(alone, 100, workers=3).shares) == 1
+    assert len(site_calls.SiteCalls(kernel.kernel(shared, filled(), 0.3, lanes=8), 100, workers=3).shares) == 3
 
 
 def after_saving(sites: Any) -> None:

@@ -78,6 +78,11 @@ class SiteLoops:
         for words in (self.memory, self.meetings, PairLoops(self), SquareBlocks(self)):
             self.intrinsics |= words.intrinsics
 
+    @property
+    def needs(self) -> tuple[int, bool, bool]:
+        """Rows of scratch memory; do all pairs of sites meet; does a formula run once for all sites, on one thread?"""
+        return self.rows + self.lasting, bool(self.paired), len(self.functions) > 1
+
     def enter(self, array: int, integer: int) -> None:
         """Load the hidden arguments of loops over sites at the entry of a function, which has those of the kernel."""
         function = self.b.function

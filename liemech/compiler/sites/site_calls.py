@@ -23,17 +23,18 @@ class SiteCalls:
     """A kernel for the sites of one system, on the threads that share them; one call at a time, since calls share the
     scratch memory, in which none reads what another has written.
 
-    count : the number of sites.  workers : the number of threads, of whole groups of sixteen sites.
+    count : the number of sites.  workers : the number of threads, of whole groups of sixteen sites; one, where a formula
+    runs once for all of them.
     """
 
     def __init__(self, kernel: Kernel, count: int, workers: int = 1) -> None:
         self.kernel, self.count = kernel, count
-        rows, pairs = needs(kernel)
+        rows, pairs, alone = needs(kernel)
         self.scratch = room(max(1, rows), padded(count))
         end = -(-count // kernel.lanes) * kernel.lanes
         # copies between guard words are each thread's own
         worth = max(count // SHARE, pairs * count**2 // PAIRS)
-        threads = 1 if guard_words.ON else max(1, min(workers, worth))
+        threads = 1 if guard_words.ON or alone else max(1, min(workers, worth))
         self.shares = shares(count, end, threads)
         self._notes = np.full((len(self.shares), 1), -1)
 
@@ -104,11 +105,11 @@ def _pool(threads: int, process: int) -> tuple[Any, threading.Lock]:
     return ThreadPoolExecutor(threads - 1, "liemech sites"), threading.Lock()
 
 
-def needs(kernel: Kernel) -> tuple[int, bool]:
-    """The number of rows of scratch memory that a kernel needs, and whether all pairs of sites meet; a call for no body
-    returns both.
+def needs(kernel: Kernel) -> tuple[int, bool, bool]:
+    """The number of rows of scratch memory that a kernel needs, whether all pairs of sites meet, and whether it is for one
+    thread, as formulas are that run once for all sites; a call for no body returns them.
     """
     block = ctypes.create_string_buffer(struct.pack("q", 0), 2**16)
     kernel.call(ctypes.cast(block, ctypes.c_char_p))
-    rows, pairs = struct.unpack_from("qq", block)
-    return rows, bool(pairs)
+    rows, pairs, alone = struct.unpack_from("qqq", block)
+    return rows, bool(pairs), bool(alone)

@@ -120,7 +120,7 @@ def _translation(
         emitter.large.finish()
     builder.ret_void()
     size = drop_unused(module, function)
-    entrance(module, function, kinds, sites.rows + sites.lasting, bool(sites.paired))
+    entrance(module, function, kinds, sites.needs)
     return reads, f"; {size} instructions\n{module}"
 
 

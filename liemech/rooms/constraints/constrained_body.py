@@ -203,7 +203,11 @@ class BoundBody(System):
         """The multipliers under this force in place of f + F, (m,).  force, mu : (dim,), g : an element."""
         rows, xi = self.rows_at(t, g), self.velocity(mu)
         pull = self.configurations.ad_star(xi, mu) + force
-        curved = derivative(lambda s: vec(*self._slips(t + s, self.configurations.compose_exp(g, s * xi), xi)), 0.0)
+        curved = derivative(
+            lambda y: vec(*self._slips(t + y[0], self.configurations.compose_exp(g, y[1:]), xi)),
+            vec(*[0.0 for _ in range(self.configurations.dim + 1)]),
+            vec(1.0, *xi),
+        )
         accelerations = [a + b for a, b in zip(curved, speeds(self, rows, self.velocity(pull)))]
         through = led(self, rows)
         pushed = [[times(inverse, row) for row in block] for inverse, block in zip(self.inverses, through)]
