@@ -16,6 +16,7 @@ from .charged_particle import TokamakField as TokamakField
 from .charged_particle import UniformField as UniformField
 from .lattices.bloch_iserles import BlochIserles as BlochIserles
 from .lattices.lotka_volterra import LotkaVolterra as LotkaVolterra
+from .lattices.magnetic_sphere import MagneticSphere as MagneticSphere
 from .lattices.maxwell_bloch import MaxwellBloch as MaxwellBloch
 from .lattices.toda import TodaLattice as TodaLattice
 from .lattices.toda_flow import TodaFlow as TodaFlow

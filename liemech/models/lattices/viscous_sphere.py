@@ -12,7 +12,7 @@ from ...formulas import Vec, record
 from ...formulas.large_maps import LinearMap
 from ...rooms.noise.dissipative import Dissipative
 from ...systems.lie_poisson import BodyState
-from .zeitlin_sphere import ZeitlinSphere, laplacian
+from .zeitlin_sphere import ZeitlinSphere, laplacian_map
 
 
 @record
@@ -47,22 +47,7 @@ class ViscousSphere(Dissipative):
     @cached_property
     def diffusion(self) -> LinearMap:
         """Delta_N + 2 on matrices."""
-        from scipy.sparse import coo_array
-
-        n = self.system.n
-        j, k = np.indices((n, n))
-        rows, columns, values = [], [], []
-        lower, diagonal, upper = laplacian(n)
-        for shift, coefficients in ((-1, lower), (0, diagonal + 2.0), (1, upper)):
-            nonzero = (np.minimum(j, k) + shift >= 0) & (np.maximum(j, k) + shift < n) & (coefficients != 0.0)
-            at = n * j[nonzero] + k[nonzero]
-            for part in (0, 1):
-                rows.append(2 * at + part)
-                columns.append(2 * (at + shift * (n + 1)) + part)
-                values.append(coefficients[nonzero])
-        size, form = 2 * n * n, ((n, n), True)
-        places = np.concatenate(rows), np.concatenate(columns)
-        return LinearMap(coo_array((np.concatenate(values), places), (size, size)), form, form)
+        return laplacian_map(self.system.n, 2.0)
 
     @cached_property
     def fastest(self) -> float:

@@ -19,7 +19,7 @@ import numpy as np
 from ...errors import InvalidInput
 from ...formulas import Mat, Vec, check_finite, dot, real_array, record
 from ...formulas.large import Large
-from ...formulas.large_maps import DiagonalSolver
+from ...formulas.large_maps import DiagonalSolver, LinearMap
 from ...groups.matrices import matrix_basis
 from ...groups.matrices.classical import SU
 from ...groups.matrices.matrix_group import whole_number
@@ -343,6 +343,25 @@ def laplacian(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     upper = np.zeros((n, n))
     upper[:-1, :-1] = lower[1:, 1:]
     return lower, 2.0 * np.outer(z, z) - 2.0 * s * (s + 1.0), upper
+
+
+def laplacian_map(n: int, shift: float = 0.0) -> LinearMap:
+    """The quantised Laplacian, and a multiple of F, as a map of large matrices: Delta_N + shift."""
+    from scipy.sparse import coo_array
+
+    j, k = np.indices((n, n))
+    rows, columns, values = [], [], []
+    lower, diagonal, upper = laplacian(n)
+    for step, coefficients in ((-1, lower), (0, diagonal + shift), (1, upper)):
+        nonzero = (np.minimum(j, k) + step >= 0) & (np.maximum(j, k) + step < n) & (coefficients != 0.0)
+        at = n * j[nonzero] + k[nonzero]
+        for part in (0, 1):
+            rows.append(2 * at + part)
+            columns.append(2 * (at + step * (n + 1)) + part)
+            values.append(coefficients[nonzero])
+    size, form = 2 * n * n, ((n, n), True)
+    places = np.concatenate(rows), np.concatenate(columns)
+    return LinearMap(coo_array((np.concatenate(values), places), (size, size)), form, form)
 
 
 def legendre(m: int, largest: int, z: np.ndarray) -> np.ndarray:

@@ -1,0 +1,103 @@
+"""Unitary matrices over the dual numbers, as matrices of blocks."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ...formulas import Ambient, Element, Mat, record
+from .classical import _antihermitian, _in_order, _polar
+from .matrix_basis import SMALL, SparseBasis
+from .matrix_group import MatrixLieGroup, named_by_size, whole_number
+from .matrix_invariants import Invariants
+
+
+@record
+class DualUnitary(MatrixLieGroup):
+    """U(n) with dual numbers as entries, u (1 + eps a), eps^2 = 0, as matrices [[u, u a], [0, u]]: the
+    semidirect product of U(n) and its algebra u(n), or the coalgebra, which the trace makes of it.
+
+    Coordinates are those of x and then of y, on u(n), of [[x, y], [0, x]].  A momentum is a pair
+    (W, Theta) of antihermitian matrices, <mu, (x, y)> = Re tr(W^H x) + Re tr(Theta^H y), and moves by
+    Theta' = [Theta, x], W' = [W, x] + [Theta, y]: that is the conjugation of Theta + eps W.
+
+    n : half the number of rows, at least 7: such matrices lie in memory.
+    Source: Modin and Roop, IMA J. Numer. Anal. (2025), draf024 (magnetic extensions g x g*); Marsden and
+    Ratiu, section 14.3 (traces as Casimir functions).
+    """
+
+    n: int
+
+    __repr__ = named_by_size
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "n", whole_number(type(self).__name__, self.n, SMALL // 2 + 1))
+
+    @cached_property
+    def generators(self) -> np.ndarray:
+        """The basis as an array, (2 n^2, 2 n, 2 n)."""
+        return self.generated.generators
+
+    @cached_property
+    def generated(self) -> SparseBasis:
+        """The basis [[E, 0], [0, E]] and then [[0, E], [0, 0]], E that of u(n), and what follows from it."""
+        n, j = self.n, np.arange(self.n)
+        k, rows, columns, values = _in_order(*_antihermitian(n), (n * (n - 1) + j, j, j, np.full(n, 1j)))
+        blocks = (0, 0, 0), (0, n, n), (n * n, 0, n)
+        entries = [(k + first, rows + down, columns + right, values) for first, down, right in blocks]
+        return SparseBasis(repr(self), 2 * n, *_in_order(*entries))
+
+    @cached_property
+    def invariants(self) -> Invariants:
+        """g eps = eps g with eps = [[0, 1], [0, 0]], and g^H B g = B with B = [[0, 1], [1, 0]]."""
+        one = np.eye(self.n)
+        return Invariants(
+            commuting=(np.kron([[0.0, 1.0], [0.0, 0.0]], one),), hermitian=(np.kron([[0.0, 1.0], [1.0, 0.0]], one),)
+        )
+
+    def why_not_isospectral(self) -> str | None:
+        """None: x^H = -x for the adjoint x^H = [[u^H, a^H], [0, u^H]] of dual numbers."""
+        return None
+
+    def _casimirs_of(self, m: np.ndarray) -> np.ndarray:
+        """The sums over j of l_j^k and of l_j^(k-1) w_j, k = 1, ..., n, with the eigenvalues l_j + eps w_j of
+        -i (Theta + eps W).
+        """
+        w, theta = pair_of(m)
+        values, vectors = np.linalg.eigh(-1j * theta)
+        change = np.einsum("...ij,...ik,...kj->...j", np.conj(vectors), -1j * w, vectors).real
+        powers = range(1, self.n + 1)
+        first = [(values**k).sum(axis=-1) for k in powers]
+        return np.stack(first + [(values ** (k - 1) * change).sum(axis=-1) for k in powers], axis=-1)
+
+    def nearest(self, g: Ambient) -> Element:
+        """u (1 + eps a), u the unitary polar factor of the mean of the blocks on the diagonal, a antihermitian."""
+        array, n = np.array(g, dtype=complex), self.n
+        u = _polar(repr(self), 0.5 * (array[:n, :n] + array[n:, n:]))
+        a = np.conj(u.T) @ array[:n, n:]
+        return Mat.of(np.block([[u, 0.5 * u @ (a - np.conj(a.T))], [np.zeros((n, n)), u]]).tolist())
+
+
+def pair_of(m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """W and Theta of the matrix M = [[W/2, Theta], [0, W/2]] that stands for a momentum.  m : (..., 2 n, 2 n)."""
+    n = m.shape[-1] // 2
+    return m[..., :n, :n] + m[..., n:, n:], m[..., :n, n:]
+
+
+def matrix_of_pair(w: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    """The inverse of `pair_of`.  w, theta : (n, n)."""
+    return np.block([[0.5 * w, theta], [np.zeros_like(w), 0.5 * w]])
+
+
+def as_blocks(n: int, *corners: tuple[int, int]) -> Any:
+    """The matrix, of SciPy's, that writes a complex matrix (n, n) into blocks of one of (2 n, 2 n), at (0, 0) to
+    (1, 1); its transpose adds up these blocks.
+    """
+    from scipy.sparse import coo_array
+
+    i, j, part = (x.ravel() for x in np.indices((n, n, 2)))
+    rows = np.concatenate([2 * (2 * n * (i + n * down) + j + n * right) + part for down, right in corners])
+    columns = np.tile(np.arange(2 * n * n), len(corners))
+    return coo_array((np.ones(len(rows)), (rows, columns)), (8 * n * n, 2 * n * n))

@@ -1,0 +1,158 @@
+"""Reduced magnetohydrodynamics on the sphere by Zeitlin's truncation: a vorticity and a magnetic potential."""
+
+from __future__ import annotations
+
+from dataclasses import field
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ...formulas import Mat, Vec, dot, record
+from ...formulas.large_maps import LinearMap
+from ...groups.matrices.dual_unitary import DualUnitary, as_blocks, matrix_of_pair, pair_of
+from ...systems.hamiltonian import Hamiltonian
+from ...systems.lagrangian import Lagrangian
+from ...systems.lie_poisson import BodyState, LiePoissonSystem
+from .zeitlin_sphere import SphereEnergy, ZeitlinSphere, laplacian_map
+
+
+@record
+class MagneticEnergy(Hamiltonian):
+    """The energy of flow and field, E = -int (omega Delta^-1 omega + A Delta A)/2, of momenta (4 pi hbar/N) i (F, A).
+
+    n : N.
+    Source: Modin and Roop, IMA J. Numer. Anal. (2025), draf024.
+    """
+
+    n: int
+
+    @cached_property
+    def flow(self) -> SphereEnergy:
+        """The energy of the flow alone."""
+        return SphereEnergy(self.n, 0.0)
+
+    @cached_property
+    def group(self) -> DualUnitary:
+        """The group of the pairs of matrices."""
+        return DualUnitary(self.n)
+
+    @cached_property
+    def laplacian(self) -> LinearMap:
+        """The quantised Laplacian."""
+        return laplacian_map(self.n)
+
+    @cached_property
+    def blocks(self) -> tuple[LinearMap, ...]:
+        """What reads W and Theta of a matrix M, and what writes x and y of a velocity [[x, y], [0, x]]."""
+        n = self.n
+        one, pair = ((n, n), True), ((2 * n, 2 * n), True)
+        diagonal, corner = as_blocks(n, (0, 0), (1, 1)), as_blocks(n, (0, 1))
+        reads = LinearMap(diagonal.T, pair, one), LinearMap(corner.T, pair, one)
+        return *reads, LinearMap(diagonal, one, pair), LinearMap(corner, one, pair)
+
+    def energy(self, mu: Vec) -> float:
+        """The energy of flow and field.  mu : (2 N^2,)."""
+        m = self.group.algebra.covector(mu)
+        return 0.5 * dot(self.velocity_matrix(self.group.algebra, m), m)
+
+    def gradient(self, mu: Vec) -> Vec:
+        """The coordinates of x = -i Psi/hbar and y = -i J/hbar.  mu : (2 N^2,)."""
+        algebra = self.group.algebra
+        return algebra.vee(self.velocity_matrix(algebra, algebra.covector(mu)))
+
+    def velocity_matrix(self, algebra: Any, m: Mat) -> Mat:
+        """x = -i Psi/hbar and y = -i J/hbar, Delta_N Psi = F, J = Delta_N A, as blocks.  m : (2 N, 2 N)."""
+        vorticity, potential, write_x, write_y = self.blocks
+        x = self.flow.velocity_matrix(self.flow.group.algebra, vorticity(m))
+        y = -self.flow.factor * self.laplacian(potential(m))
+        return write_x(x) + write_y(y)
+
+
+@record
+class MagneticSphere(LiePoissonSystem):
+    """Reduced magnetohydrodynamics on the unit sphere, by Zeitlin's truncation to pairs of matrices N x N:
+
+        omega' = {omega, psi} + {A, j},  A' = {A, psi},  Delta psi = omega,  j = Delta A
+
+        becomes  F' = ([F, Psi] + [A, J])/(i hbar),  A' = [A, Psi]/(i hbar),  Delta_N Psi = F,  J = Delta_N A
+
+    with the magnetic potential A, whose level lines are those of the field.
+
+    n : N, at least 13, as in `ZeitlinSphere`, whose flow is that of A = 0.
+
+    States are momenta on `DualUnitary(N)`; `from_harmonics` makes one of coefficients of spherical
+    harmonics, and the momenta that `vorticity` and `potential` return are those of fields on `sphere`,
+    which has their harmonics and values.  `Isospectral(order=2)` keeps all Casimirs, to rounding, and is a
+    Poisson map.
+
+    Conserved: energy; the levels of the potential; the cross helicity int omega A, and int omega A^k for all k;
+    and angular momentum.
+
+    Source: Modin and Roop, J. Plasma Phys. (2026), Structure-preserving long-time simulations of turbulence in
+    magnetised ideal fluids; IMA J. Numer. Anal. (2025), draf024; Morrison and Hazeltine, Phys. Fluids 27 (1984)
+    886 (the bracket).
+    """
+
+    called: ClassVar[str] = "sphere"
+
+    group: DualUnitary = field(init=False, repr=False)
+    hamiltonian: MagneticEnergy = field(init=False, repr=False)
+    lagrangian: Lagrangian | None = field(init=False, repr=False, default=None)
+    n: int
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.n})"
+
+    def __post_init__(self) -> None:
+        n = ZeitlinSphere(self.n).n
+        for name, value in (
+            ("n", n),
+            ("group", DualUnitary(n)),
+            ("hamiltonian", MagneticEnergy(n)),
+            ("lagrangian", None),
+        ):
+            object.__setattr__(self, name, value)
+
+    @cached_property
+    def sphere(self) -> ZeitlinSphere:
+        """The sphere of ideal flow, whose momenta stand for single fields."""
+        return ZeitlinSphere(self.n)
+
+    def from_harmonics(self, vorticity: Any, potential: Any) -> BodyState:
+        """The state with these coefficients of vorticity and magnetic potential; as `ZeitlinSphere.from_harmonics`
+        has them.
+        """
+        to_matrix = self.sphere.group.generated.covector
+        matrices = [to_matrix(np.array(self.sphere.from_harmonics(a).mu)) for a in (vorticity, potential)]
+        return self.state(self.group.generated.pairing(matrix_of_pair(*matrices)))
+
+    def vorticity(self, mu: Any) -> np.ndarray:
+        """The vorticity as a momentum on `sphere`.  mu : (..., 2 N^2); (..., N^2 - 1)."""
+        return self._fields(mu)[0]
+
+    def potential(self, mu: Any) -> np.ndarray:
+        """The magnetic potential as a momentum on `sphere`.  mu : (..., 2 N^2); (..., N^2 - 1)."""
+        return self._fields(mu)[1]
+
+    def _fields(self, mu: Any) -> list[np.ndarray]:
+        m = self.group.generated.covector(np.asarray(mu, dtype=float))
+        return [self.sphere.group.generated.pairing(x) for x in pair_of(m)]
+
+    def cross_moments(self, mu: Any, powers: tuple[int, ...] = (1, 2, 3)) -> np.ndarray:
+        """The Casimirs int omega A^k = (4 pi/N) tr F A^k, the first of them the cross helicity.
+        mu : (..., 2 N^2); (..., powers).
+        """
+        f, a = (self.sphere.matrix(x) for x in self._fields(mu))
+        traces = [np.einsum("...ij,...ji->...", f, np.linalg.matrix_power(a, k)).real for k in powers]
+        return np.stack([4.0 * np.pi / self.n * x for x in traces], axis=-1)
+
+    def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Energy, moments of the potential, cross helicity and further cross moments, and angular momentum."""
+        mu = states["mu"]
+        vorticity, potential = self._fields(mu)
+        moments, cross = self.sphere.moments(potential), self.cross_moments(mu)
+        constants = {"energy": np.asarray(self.energy(mu)), "cross helicity": cross[..., 0]}
+        constants |= {f"cross moment {k}": cross[..., k - 1] for k in (2, 3)}
+        constants |= {f"moment {k} of the potential": moments[..., k - 2] for k in (2, 3, 4)}
+        return constants | {"angular momentum": self.sphere.angular_momentum(vorticity)}
