@@ -95,6 +95,7 @@ MODELS: tuple[Any, ...] = (
     lm.models.BlochIserles([[0.0, 1.0, 0.2], [-1.0, 0.0, 0.5], [-0.2, -0.5, 0.0]]),
     lm.models.VonNeumann([1.0, 2.0]),
     lm.models.ZeitlinSphere(13),
+    lm.models.MagneticSphere(13),
     lm.models.ViscousSphere(lm.models.ZeitlinSphere(13), 1e-3),
 )
 """Ready systems, one of each class."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...formulas import Ambient, Element, Mat, record
-from .classical import _antihermitian, _in_order, _polar
+from .classical import U
 from .matrix_basis import SMALL, SparseBasis
 from .matrix_group import MatrixLieGroup, named_by_size, whole_number
 from .matrix_invariants import Invariants
@@ -42,23 +42,24 @@ class DualUnitary(MatrixLieGroup):
 
     @cached_property
     def generated(self) -> SparseBasis:
-        """The basis [[E, 0], [0, E]] and then [[0, E], [0, 0]], E that of u(n), and what follows from it."""
-        n, j = self.n, np.arange(self.n)
-        k, rows, columns, values = _in_order(*_antihermitian(n), (n * (n - 1) + j, j, j, np.full(n, 1j)))
+        """The basis [[E, 0], [0, E]] and then [[0, E], [0, 0]] with the basis E of u(n)."""
+        n, (k, i, j, values) = self.n, U(self.n)._entries()
         blocks = (0, 0, 0), (0, n, n), (n * n, 0, n)
-        entries = [(k + first, rows + down, columns + right, values) for first, down, right in blocks]
-        return SparseBasis(repr(self), 2 * n, *_in_order(*entries))
+        entries = [(k + first, i + down, j + right, values) for first, down, right in blocks]
+        return SparseBasis(repr(self), 2 * n, *map(np.concatenate, zip(*entries)))
 
     @cached_property
     def invariants(self) -> Invariants:
         """g eps = eps g with eps = [[0, 1], [0, 0]], and g^H B g = B with B = [[0, 1], [1, 0]]."""
-        one = np.eye(self.n)
+        unit = np.eye(self.n)
         return Invariants(
-            commuting=(np.kron([[0.0, 1.0], [0.0, 0.0]], one),), hermitian=(np.kron([[0.0, 1.0], [1.0, 0.0]], one),)
+            commuting=(np.kron([[0.0, 1.0], [0.0, 0.0]], unit),), hermitian=(np.kron([[0.0, 1.0], [1.0, 0.0]], unit),)
         )
 
     def why_not_isospectral(self) -> str | None:
-        """None: x^H = -x for the adjoint x^H = [[u^H, a^H], [0, u^H]] of dual numbers."""
+        """None: the adjoint over the dual numbers, [[x^H, y^H], [0, x^H]], is that of antihermitian matrices, and
+        W = M^H moves as a momentum of GL(2 n) that has this one as its part.
+        """
         return None
 
     def _casimirs_of(self, m: np.ndarray) -> np.ndarray:
@@ -75,7 +76,7 @@ class DualUnitary(MatrixLieGroup):
     def nearest(self, g: Ambient) -> Element:
         """u (1 + eps a), u the unitary polar factor of the mean of the blocks on the diagonal, a antihermitian."""
         array, n = np.array(g, dtype=complex), self.n
-        u = _polar(repr(self), 0.5 * (array[:n, :n] + array[n:, n:]))
+        u = np.array(U(n).nearest(0.5 * (array[:n, :n] + array[n:, n:])))
         a = np.conj(u.T) @ array[:n, n:]
         return Mat.of(np.block([[u, 0.5 * u @ (a - np.conj(a.T))], [np.zeros((n, n)), u]]).tolist())
 

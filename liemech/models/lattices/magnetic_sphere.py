@@ -14,7 +14,7 @@ from ...groups.matrices.dual_unitary import DualUnitary, as_blocks, matrix_of_pa
 from ...systems.hamiltonian import Hamiltonian
 from ...systems.lagrangian import Lagrangian
 from ...systems.lie_poisson import BodyState, LiePoissonSystem
-from .zeitlin_sphere import SphereEnergy, ZeitlinSphere, laplacian_map
+from .zeitlin_sphere import SphereEnergy, ZeitlinSphere, checked_momenta, laplacian_map
 
 
 @record
@@ -39,17 +39,17 @@ class MagneticEnergy(Hamiltonian):
 
     @cached_property
     def laplacian(self) -> LinearMap:
-        """The quantised Laplacian."""
+        """The quantised Laplacian of a matrix (N, N)."""
         return laplacian_map(self.n)
 
     @cached_property
     def blocks(self) -> tuple[LinearMap, ...]:
-        """What reads W and Theta of a matrix M, and what writes x and y of a velocity [[x, y], [0, x]]."""
+        """Maps from M to W and to Theta, and from x and from y into a velocity [[x, y], [0, x]]."""
         n = self.n
-        one, pair = ((n, n), True), ((2 * n, 2 * n), True)
+        matrix, blocks = ((n, n), True), ((2 * n, 2 * n), True)
         diagonal, corner = as_blocks(n, (0, 0), (1, 1)), as_blocks(n, (0, 1))
-        reads = LinearMap(diagonal.T, pair, one), LinearMap(corner.T, pair, one)
-        return *reads, LinearMap(diagonal, one, pair), LinearMap(corner, one, pair)
+        reads = LinearMap(diagonal.T, blocks, matrix), LinearMap(corner.T, blocks, matrix)
+        return *reads, LinearMap(diagonal, matrix, blocks), LinearMap(corner, matrix, blocks)
 
     def energy(self, mu: Vec) -> float:
         """The energy of flow and field.  mu : (2 N^2,)."""
@@ -81,9 +81,9 @@ class MagneticSphere(LiePoissonSystem):
 
     n : N, at least 13, as in `ZeitlinSphere`, whose flow is that of A = 0.
 
-    States are momenta on `DualUnitary(N)`; `from_harmonics` makes one of coefficients of spherical
-    harmonics, and the momenta that `vorticity` and `potential` return are those of fields on `sphere`,
-    which has their harmonics and values.  `Isospectral(order=2)` keeps all Casimirs, to rounding, and is a
+    States are momenta on the group of unitary matrices over the dual numbers; `from_harmonics` makes one of
+    coefficients of spherical harmonics.  `vorticity` and `potential` return momenta on `sphere`, of a single
+    field, which has their harmonics and values.  `Isospectral(order=2)` keeps all Casimirs, to rounding, and is a
     Poisson map.
 
     Conserved: energy; the levels of the potential; the cross helicity int omega A, and int omega A^k for all k;
@@ -129,28 +129,28 @@ class MagneticSphere(LiePoissonSystem):
 
     def vorticity(self, mu: Any) -> np.ndarray:
         """The vorticity as a momentum on `sphere`.  mu : (..., 2 N^2); (..., N^2 - 1)."""
-        return self._fields(mu)[0]
+        return self._fields(mu, "vorticity")[0]
 
     def potential(self, mu: Any) -> np.ndarray:
         """The magnetic potential as a momentum on `sphere`.  mu : (..., 2 N^2); (..., N^2 - 1)."""
-        return self._fields(mu)[1]
+        return self._fields(mu, "potential")[1]
 
-    def _fields(self, mu: Any) -> list[np.ndarray]:
-        m = self.group.generated.covector(np.asarray(mu, dtype=float))
+    def _fields(self, mu: Any, name: str) -> list[np.ndarray]:
+        m = self.group.generated.covector(checked_momenta(self, mu, name))
         return [self.sphere.group.generated.pairing(x) for x in pair_of(m)]
 
     def cross_moments(self, mu: Any, powers: tuple[int, ...] = (1, 2, 3)) -> np.ndarray:
         """The Casimirs int omega A^k = (4 pi/N) tr F A^k, the first of them the cross helicity.
         mu : (..., 2 N^2); (..., powers).
         """
-        f, a = (self.sphere.matrix(x) for x in self._fields(mu))
+        f, a = (self.sphere.matrix(x) for x in self._fields(mu, "cross_moments"))
         traces = [np.einsum("...ij,...ji->...", f, np.linalg.matrix_power(a, k)).real for k in powers]
         return np.stack([4.0 * np.pi / self.n * x for x in traces], axis=-1)
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Energy, moments of the potential, cross helicity and further cross moments, and angular momentum."""
         mu = states["mu"]
-        vorticity, potential = self._fields(mu)
+        vorticity, potential = self._fields(mu, "constants")
         moments, cross = self.sphere.moments(potential), self.cross_moments(mu)
         constants = {"energy": np.asarray(self.energy(mu)), "cross helicity": cross[..., 0]}
         constants |= {f"cross moment {k}": cross[..., k - 1] for k in (2, 3)}

@@ -180,15 +180,6 @@ class ZeitlinSphere(LiePoissonSystem):
             )
         return self.state(self.group.algebra.pairing(1j * self._momentum_scale * array))
 
-    def _momentum(self, mu: Any, name: str) -> np.ndarray:
-        """Momenta, (..., N^2 - 1), as an array.  Raises InvalidInput for other shapes."""
-        array = real_array(mu, f"ZeitlinSphere.{name}: mu")
-        if array.shape[-1:] != (self.group.dim,):
-            raise InvalidInput(
-                f"ZeitlinSphere.{name}: mu has shape {array.shape}; its last axis must be {self.group.dim}"
-            )
-        return array
-
     def _matrix_of(self, a: np.ndarray) -> np.ndarray:
         """F, hermitian, of coefficients a[l, N - 1 + m]."""
         n, matrix = self.n, np.zeros((self.n, self.n), dtype=complex)
@@ -218,7 +209,7 @@ class ZeitlinSphere(LiePoissonSystem):
 
     def matrix(self, mu: Any) -> np.ndarray:
         """The hermitian matrix F of the absolute vorticity.  mu : (..., N^2 - 1); (..., N, N)."""
-        m = self.group.generated.covector(self._momentum(mu, "matrix"))
+        m = self.group.generated.covector(checked_momenta(self, mu, "matrix"))
         return np.asarray(-1j / self._momentum_scale * m)
 
     def harmonics(self, mu: Any, degrees: int | None = None) -> np.ndarray:
@@ -292,6 +283,15 @@ class ZeitlinSphere(LiePoissonSystem):
         constants |= {f"moment {k}": moments[..., k - 2] for k in (3, 4)}
         along = turning[..., 2] if self.rotation else turning
         return constants | {"angular momentum": along}
+
+
+def checked_momenta(system: Any, mu: Any, name: str) -> np.ndarray:
+    """Momenta, (..., dim), as an array.  name : of the method, for the message.  Raises InvalidInput for other shapes."""
+    name, dim = f"{type(system).__name__}.{name}: mu", system.group.dim
+    array = real_array(mu, name)
+    if array.shape[-1:] != (dim,):
+        raise InvalidInput(f"{name} has shape {array.shape}; its last axis must be {dim}")
+    return array
 
 
 def _is_whole(k: Any) -> bool:
