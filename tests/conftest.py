@@ -52,13 +52,18 @@ def can_compile() -> bool:
 @pytest.hookimpl(optionalhook=True, tryfirst=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """With `-n` alone a worker gets whole files, those of most tests first: the kernels that the
-    tests of a file share are made once.
+    tests of a file share are made once.  Those beside this file go to one, which parses the library once.
     """
     if config.getvalue("dist") != "load":
         return None
     from xdist.scheduler import LoadFileScheduling
 
-    return LoadFileScheduling(config, log)
+    class ByFiles(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = super()._split_scope(nodeid)
+            return file if "/" in file.removeprefix("tests/") else "tests"
+
+    return ByFiles(config, log)
 
 
 def pytest_collection_finish() -> None:

@@ -16,10 +16,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from sources import PACKAGE, nodes, trees
 
 import liemech
-
-PACKAGE = Path(liemech.__file__).parent
 
 CORE = (
     "names",  # the public ones, which are imported when they are asked for
@@ -118,20 +117,16 @@ def layer(module: str) -> str:
     return module.partition(".")[2].partition(".")[0]
 
 
-@functools.cache
-def trees() -> dict[str, ast.Module]:
-    """Every module of the library by its dotted name, parsed."""
-    parsed = {}
-    for file in sorted(PACKAGE.rglob("*.py")):
-        parts = ("liemech", *file.relative_to(PACKAGE).with_suffix("").parts)
-        name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-        parsed[name] = ast.parse(file.read_text(encoding="utf-8"), filename=str(file))
-    return parsed
-
-
 def parts(node: ast.AST) -> Iterator[ast.AST]:
     """What a statement consists of, without the expressions: no statement stands in these."""
     return (child for child in ast.iter_child_nodes(node) if not isinstance(child, ast.expr))
+
+
+def asks_for_typing(statement: ast.AST) -> bool:
+    """Is it an `if` of TYPE_CHECKING?"""
+    return isinstance(statement, ast.If) and any(
+        getattr(node, "id", getattr(node, "attr", "")) == "TYPE_CHECKING" for node in ast.walk(statement.test)
+    )
 
 
 def executed(node: ast.AST, lazy: bool = False) -> Iterator[tuple[ast.Import | ast.ImportFrom, bool]]:
@@ -139,7 +134,7 @@ def executed(node: ast.AST, lazy: bool = False) -> Iterator[tuple[ast.Import | a
     for child in parts(node):
         if isinstance(child, ast.Import | ast.ImportFrom):
             yield child, lazy
-        elif isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
+        elif asks_for_typing(child):
             for other in child.orelse:
                 yield from executed(ast.Module([other], []), lazy)
         else:
@@ -149,7 +144,7 @@ def executed(node: ast.AST, lazy: bool = False) -> Iterator[tuple[ast.Import | a
 def for_typing(node: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
     """The import statements that only type checkers run."""
     for child in parts(node):
-        if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
+        if asks_for_typing(child):
             yield from (s for part in child.body for s, _ in executed(ast.Module([part], [])))
         yield from for_typing(child)
 
@@ -224,10 +219,11 @@ def named_in_texts() -> tuple[Import, ...]:
     """Modules in texts such as "rooms.sites.runs.plan:SitesOfPlan", but for those of `names`, which lists what moved."""
     return tuple(
         Import(module, node.lineno, target, lazy=True)
-        for module, tree in trees().items()
+        for module in trees()
         if part(module) != "names"
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Constant) and (text := re.fullmatch(r"([\w.]+):\w+", str(node.value)))
+        for node in nodes()[module]
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+        if (text := re.fullmatch(r"([\w.]+):\w+", node.value))
         if (target := f"liemech.{text[1].removeprefix('liemech.')}") in trees()
     )
 
@@ -379,7 +375,7 @@ def test_modules_of_formulas_name_their_source() -> None:
         if part(module) in SOURCED
         and not module.endswith((".plan", ".runs", ".input_checks"))  # which hold no mathematics
         and any(isinstance(node, ast.ClassDef | ast.FunctionDef) for node in tree.body)
-        and not any("Source:" in (ast.get_docstring(n) or "") for n in ast.walk(tree) if isinstance(n, documented))
+        and not any("Source:" in (ast.get_docstring(n) or "") for n in nodes()[module] if isinstance(n, documented))
     ]
     complain(silent, "Modules of the mathematical layers that nowhere say `Source:`:")
 
@@ -392,9 +388,10 @@ def test_docstrings_say_what_things_are() -> None:
     documented = ast.Module | ast.ClassDef | ast.FunctionDef
     opening = [
         f"{module}, {getattr(node, 'name', 'module')}: {text.partition(chr(10))[0]}"
-        for module, tree in trees().items()
-        for node in ast.walk(tree)
-        if isinstance(node, documented) and (text := ast.get_docstring(node) or "").startswith(OPENINGS)
+        for module in trees()
+        for node in nodes()[module]
+        if isinstance(node, documented)
+        if (text := (ast.get_docstring(node, clean=False) or "").lstrip()).startswith(OPENINGS)
     ]
     complain(opening, f"Docstrings that open with {', '.join(OPENINGS)}:")
 
@@ -407,9 +404,9 @@ def test_trajectories_are_made_in_one_place() -> None:
     makers |= {"promised"}
     others = [
         f"{module}, line {node.lineno}"
-        for module, tree in trees().items()
+        for module in trees()
         if module.startswith("liemech.simulation") and module not in RESULTS
-        for node in ast.walk(tree)
+        for node in nodes()[module]
         if isinstance(node, ast.Call) and str(getattr(node.func, "attr", getattr(node.func, "id", ""))) in makers
     ]
     complain(others, "Trajectories that are not made by simulation/result.py:")

@@ -1,15 +1,13 @@
-"""Words of private code, counted: numbers that only fall.  `python tests/test_words_of_code.py` prints them, file by file."""
+"""Words of private code, counted: numbers that only fall.  `python tests/test_words_of_code.py` prints them, module by module."""
 
 from __future__ import annotations
 
 import ast
 import functools
 from collections import Counter, defaultdict
-from pathlib import Path
 
 import pytest
-
-LIBRARY = Path(__file__).parent.parent / "liemech"
+from sources import nodes
 
 PRONOUNS = {
     *("found", "given", "made", "one", "own", "some", "more", "here", "there", "way", "told", "asked", "seen", "known"),
@@ -33,33 +31,34 @@ SPARE = 0.9
 
 @functools.cache
 def counted() -> dict[str, Counter[str]]:
-    """How often each occurs, by file; of class names by name."""
+    """How often each occurs, by module; of class names by name."""
     found: dict[str, Counter[str]] = {what: Counter() for what in MOST}
     homes = defaultdict(set)
-    for path in sorted(LIBRARY.rglob("*.py")):
-        file = str(path.relative_to(LIBRARY))
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for module in nodes():
+        for node in nodes()[module]:
             if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
-                found["assignments to pronouns"][file] += node.id in PRONOUNS
-            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and (text := ast.get_docstring(node)):
-                found["docstrings under five words"][file] += len(text.split()) < 5 and not set(text) & FORMULA
+                found["assignments to pronouns"][module] += node.id in PRONOUNS
+            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and (
+                text := ast.get_docstring(node, clean=False)
+            ):
+                found["docstrings under five words"][module] += len(text.split()) < 5 and not set(text) & FORMULA
             if isinstance(node, ast.FunctionDef):
-                found["functions called `of`"][file] += node.name == "of"
+                found["functions called `of`"][module] += node.name == "of"
             if isinstance(node, ast.ClassDef):
-                homes[node.name].add(file)
+                homes[node.name].add(module)
     found["class names that two files share"].update({name: 1 for name, files in homes.items() if len(files) > 1})
     return found
 
 
 @pytest.mark.parametrize("what", MOST)
 def test_words_that_say_nothing_become_fewer(what: str) -> None:
-    by_file, most = counted()[what], MOST[what]
-    worst = ", ".join(f"{name} ({n})" for name, n in by_file.most_common(8))
-    assert by_file.total() <= most, f"{by_file.total()} {what}, and {most} are allowed. The most are in {worst}"
-    assert by_file.total() >= SPARE * most, f"only {by_file.total()} {what}: lower the {most} of MOST"
+    by_module, most = counted()[what], MOST[what]
+    worst = ", ".join(f"{name} ({n})" for name, n in by_module.most_common(8))
+    assert by_module.total() <= most, f"{by_module.total()} {what}, and {most} are allowed. The most are in {worst}"
+    assert by_module.total() >= SPARE * most, f"only {by_module.total()} {what}: lower the {most} of MOST"
 
 
 if __name__ == "__main__":
-    for what, by_file in counted().items():
-        print(f"{by_file.total()} {what}, of {MOST[what]}")
-        print("".join(f"    {n:4} {name}\n" for name, n in by_file.most_common(20) if n))
+    for what, by_module in counted().items():
+        print(f"{by_module.total()} {what}, of {MOST[what]}")
+        print("".join(f"    {n:4} {name}\n" for name, n in by_module.most_common(20) if n))

@@ -10,6 +10,7 @@ import inspect
 import itertools
 import re
 import sys
+from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
@@ -112,11 +113,9 @@ def texts() -> dict[str, str]:
 
 def link(name: str) -> str:
     """Where a name is explained, as a link to a section."""
-    page = EVERYWHERE.get(name) or max(texts(), key=lambda page: weight(name, texts()[page]))
+    page = EVERYWHERE.get(name) or max(texts(), key=lambda page: weight(name, page))
     place = re.search(rf"^\| `{name}\b", texts()[page], flags=re.MULTILINE)
-    before = texts()[page][
-        : place.start() if place else min(mentions(name, texts()[page]), default=0)
-    ]
+    before = texts()[page][: place.start() if place else min(mentions(page)[name], default=0)]
     if not before:
         raise LookupError(f"{name} is on no page that explains; write a line about it")
     before = re.sub(r"```.*?(```|$)", "", before, flags=re.DOTALL)
@@ -125,23 +124,27 @@ def link(name: str) -> str:
     return f"[{title}]({page}.md{'#' if anchor else ''}{anchor})"
 
 
-def weight(name: str, text: str) -> float:
+def weight(name: str, page: str) -> float:
     """How much a page is about a name: it is in the title, begins rows of tables, stands in the text
     or is used in programs.
     """
-    title = bool(re.match(rf"# .*\b{name}\b", text))
-    rows = len(re.findall(rf"^\| `{name}\b", text, flags=re.MULTILINE))
-    return 100 * title + 10 * min(rows, 1) + sum(mentions(name, text).values())
+    if not mentions(page)[name]:
+        return 0.0
+    title = bool(re.match(rf"# .*\b{name}\b", texts()[page]))
+    row = bool(re.search(rf"^\| `{name}\b", texts()[page], flags=re.MULTILINE))
+    return 100 * title + 10 * row + sum(mentions(page)[name].values())
 
 
-def mentions(name: str, text: str) -> dict[int, float]:
-    """The places of a name in the code of a page, and what each counts."""
-    code = re.finditer(r"```.*?```|`[^`\n]+`", text, flags=re.DOTALL)
-    return {
-        block.start() + word.start(): 0.5 if block[0].startswith("```") else 1.0
-        for block in code
-        for word in re.finditer(rf"\b{name}\b(?!=)", block[0])
-    }
+@functools.cache
+def mentions(page: str) -> dict[str, dict[int, float]]:
+    """The places of each word in the code of a page, and what each counts."""
+    places: dict[str, dict[int, float]] = defaultdict(dict)
+    for block in re.finditer(r"```.*?```|`[^`\n]+`", texts()[page], flags=re.DOTALL):
+        for word in re.finditer(r"\w+\b(?!=)", block[0]):
+            places[word[0]][block.start() + word.start()] = (
+                0.5 if block[0].startswith("```") else 1.0
+            )
+    return places
 
 
 if __name__ == "__main__":
