@@ -140,10 +140,9 @@ def mentions(page: str) -> dict[str, dict[int, float]]:
     """The places of each word in the code of a page, and what each counts."""
     places: dict[str, dict[int, float]] = defaultdict(dict)
     for block in re.finditer(r"```.*?```|`[^`\n]+`", texts()[page], flags=re.DOTALL):
+        counts = 0.5 if block[0].startswith("```") else 1.0
         for word in re.finditer(r"\w+\b(?!=)", block[0]):
-            places[word[0]][block.start() + word.start()] = (
-                0.5 if block[0].startswith("```") else 1.0
-            )
+            places[word[0]][block.start() + word.start()] = counts
     return places
 
 

@@ -595,6 +595,7 @@ class Unequal(lm.ReversibleController):
 
 TURNING = Driven(lm.SO3())
 AT_REST = TURNING.state(lm.SO3().exp([0.4, -0.3, 0.5]))
+MOVED = Driven(lm.VectorSpace(3))
 ARC = lm.time_scales.DistancePower(1.5)
 SPECIES = lm.models.LotkaVolterra()
 
@@ -624,7 +625,7 @@ METHODS: dict[str, tuple[Callable[[], tuple[Any, Any, Any]], str]] = {
     "steps backwards": (lambda: (runge(lambda s, h: h < 0.0), BODY, START), "order"),
     "steps backwards, symmetric": (lambda: (verlet(lambda s, h: h < 0.0), GALAXY, IN_GALAXY), "symmetric"),
     "not reversible": (lambda: (Ahead(), GALAXY, IN_GALAXY), "reversible"),
-    "a stage at a wrong time": (lambda: (EarlyTime(), TURNING, AT_REST), "order"),
+    "a stage at a wrong time": (lambda: (EarlyTime(), MOVED, MOVED.state([0.4, -0.3, 0.5])), "order"),
     "fictive time, not symmetric": (lambda: (Backwards(), lm.TimeTransformed(KEPLER, ARC), IN_ORBIT), "symmetric"),
     "a clock that errs": (lambda: (WrongClock(lm.StormerVerlet(), ARC), KEPLER, IN_ORBIT), "order"),
     "a controller that is explicit": (lambda: (Unequal(lm.StormerVerlet(), ARC), KEPLER, IN_ORBIT), "symmetric"),

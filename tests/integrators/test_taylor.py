@@ -156,7 +156,7 @@ def test_order_on_every_kind_of_system(name: str, order: int, counts: tuple[int,
 @pytest.mark.parametrize("name", NAMES)
 def test_native_code_gives_the_bits_of_plain_python(name: str) -> None:
     system, start, retraction = moving(name)
-    method = Taylor(order=5, retraction=retraction)
+    method = Taylor(order=3, retraction=retraction)
     plain, native = (last(system, method, start, 0.9, 4, compiled=c) for c in (False, True))
     assert same_bits(plain, native)
 

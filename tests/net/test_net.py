@@ -17,7 +17,7 @@ def runs() -> Iterator[Any]:
             yield pytest.param(case, world, id=case.named(world), marks=marks)
 
 
-@pytest.mark.sample(48)  # by default; `pytest tests/net --every-variant` has all, as the gate in its slices
+@pytest.mark.sample(32)  # by default; `pytest tests/net --every-variant` has all, as the gate in its slices
 @pytest.mark.parametrize(("case", "world"), [*runs()])
 def test_a_run_gives_the_bits_that_it_gave(case: net.Case, world: str) -> None:
     """What was refused may be allowed; nothing else changes."""

@@ -126,7 +126,12 @@ CASES: dict[str, tuple[Any, list[float], float]] = {
     "charge": (CHARGE, [0.0, 1.0, 0.1, 0.09, 0.55, 0.30], 0.2),
 }
 
-LONG = {("plane", 8), ("species", 8), ("particle", 8), ("second bracket", 6)}
+LONG = {
+    ("plane", 8),
+    ("species", 8),
+    ("particle", 8),
+    *((name, 6) for name in ("species", "second bracket", "particle", "Toda")),
+}
 """Steps that take many seconds to compile."""
 
 
@@ -199,7 +204,8 @@ def test_orders(name: str, order: int) -> None:
 @pytest.mark.parametrize(
     ("name", "order"),
     [
-        *((name, order) for name in CASES for order in (2, 4)),
+        *((name, 2) for name in CASES),
+        *(pytest.param(name, 4, marks=[pytest.mark.slow] * (len(CASES[name][1]) > 3)) for name in CASES),
         *(pytest.param(name, 6, marks=pytest.mark.slow) for name in ("plane", "momenta")),
     ],
 )
@@ -218,7 +224,7 @@ def test_a_step_is_symmetric_and_keeps_casimirs(name: str, order: int) -> None:
     assert casimirs[0] == pytest.approx(casimirs[1], rel=2e-15, abs=2e-15)
 
 
-@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("order", [2, 4, *(pytest.param(order, marks=pytest.mark.slow) for order in (6, 8))])
 def test_on_the_dual_of_a_lie_algebra_it_is_the_lie_poisson_method(order: int) -> None:
     body = lm.LiePoissonSystem(lm.SO3(), Kinetic())
     _, mu, h = CASES["momenta"]
@@ -311,7 +317,7 @@ class Driven(lm.DrivenHamiltonian):
         return OfPlane().energy(y) + 0.5 * sin(2.0 * t) * y[0] + 0.2 * cos(t) * y[0] * y[1] ** 2
 
 
-@pytest.mark.parametrize("order", (2, 4, 6))
+@pytest.mark.parametrize("order", (2, 4, pytest.param(6, marks=pytest.mark.slow)))
 def test_energies_that_change_with_time(order: int) -> None:
     system = lm.DrivenPoissonSystem(Curved(), Driven())
     y, t = [0.4, 0.3], 2.0

@@ -61,7 +61,7 @@ def test_a_pullback_is_the_product_with_the_tangent_map(method: Any, system: Any
 
 
 @pytest.mark.parametrize(
-    ("compiled", "steps"), [(False, 5), pytest.param(True, 400, marks=[pytest.mark.compiled, pytest.mark.slow])]
+    ("compiled", "steps"), [(False, 3), pytest.param(True, 400, marks=[pytest.mark.compiled, pytest.mark.slow])]
 )
 @pytest.mark.parametrize("method", [lm.WongZakai(lm.ImplicitMidpoint()), lm.NinomiyaVictoir()], ids=lambda x: x.name)
 def test_blocks_have_the_noise_of_their_steps(method: Any, compiled: bool, steps: int) -> None:

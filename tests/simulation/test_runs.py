@@ -145,7 +145,7 @@ def test_native_code_gives_the_bits_of_plain_python(scene: Scene, bodies: int, o
     same_runs(whole(scene, bodies, observer), whole(scene, bodies, observer, compiled=True))
 
 
-@pytest.mark.sample(14)
+@pytest.mark.sample(10)
 @over(*ALL, *BACK)
 @watched(*WATCHED)
 def test_bodies_of_an_ensemble_go_as_alone(scene: Scene, observer: str) -> None:
@@ -183,7 +183,7 @@ OWN = [
 ]
 
 
-@pytest.mark.sample(9)
+@pytest.mark.sample(6)
 @pytest.mark.parametrize(("scene", "name"), OWN)
 @watched("all", "functions", "events")
 def test_bodies_with_numbers_of_their_own_go_as_alone(scene: Scene, name: str, observer: str) -> None:
@@ -211,7 +211,7 @@ def test_bodies_with_numbers_of_their_own_go_as_alone(scene: Scene, name: str, o
             assert same(gone.energy[:n, i], onwards.energy[:n])
 
 
-@pytest.mark.sample(6)
+@pytest.mark.sample(4)
 @over(*ALL)
 @watched("all", "t_eval", "functions", "events")
 def test_workers_and_executors_give_the_bits_of_one_thread(scene: Scene, observer: str) -> None:
@@ -304,7 +304,7 @@ def test_a_run_of_many_pieces_is_one(scene: Scene, bodies: int) -> None:
 # ---------------------------------------------------------------- going on
 
 
-@pytest.mark.sample(12)
+@pytest.mark.sample(8)
 @over(*BY_STEPS)
 @BODIES
 @watched("all", "every", "functions", "events", "events+t_eval")
@@ -676,7 +676,7 @@ def test_time_goes_on_with_the_steps(scene: Scene) -> None:
 # ---------------------------------------------------------------- failures
 
 
-@pytest.mark.sample(18)
+@pytest.mark.sample(12)
 @over(*scenes.FAILING)
 @watched("all", "every", "t_eval", "functions", "events")
 @WORLDS

@@ -88,7 +88,7 @@ def tied(group: Any) -> tuple[Any, Any]:
     return system, system.state(mu=mu, g=g)
 
 
-@pytest.mark.sample(16)
+@pytest.mark.sample(12)
 @pytest.mark.parametrize("attitudes", [False, True])
 @pytest.mark.parametrize("method", FREE, ids=repr)
 @pytest.mark.parametrize("group", GROUPS, ids=repr)

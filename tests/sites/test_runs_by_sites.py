@@ -59,8 +59,8 @@ def run(plan: Any) -> Any:
 @pytest.mark.parametrize("every", [1, 3])
 def test_few_samples_at_once(every: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """The samples are there however few the driver writes before Python looks."""
-    plan = lm.Plan(spins(), lm.SublatticeSplitting(), h=0.05, every=every, progress=False, compiled=False)
-    start = plan.system.state(mu=directions())
+    plan = lm.Plan(spins(8), lm.SublatticeSplitting(), h=0.05, every=every, progress=False, compiled=False)
+    start = plan.system.state(mu=directions(8))
     whole = plan.run(start, steps=7)
     monkeypatch.setattr(samples, "MOST", 2)
     monkeypatch.setattr(run_of_sites, "PATIENCE", 1e3)

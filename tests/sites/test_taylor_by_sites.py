@@ -108,7 +108,12 @@ def test_as_written_out(monkeypatch: pytest.MonkeyPatch, case: str) -> None:
 @native
 @pytest.mark.parametrize(
     ("order", "rtol"),
-    [(6, 1e-6), pytest.param(12, 1e-9, marks=pytest.mark.slow), pytest.param(16, 1e-11, marks=pytest.mark.slow)],
+    [
+        (4, 1e-4),
+        pytest.param(6, 1e-6, marks=pytest.mark.slow),
+        pytest.param(12, 1e-9, marks=pytest.mark.slow),
+        pytest.param(16, 1e-11, marks=pytest.mark.slow),
+    ],
 )
 def test_adaptive_steps_against_scipy(order: int, rtol: float) -> None:
     """The error goes with the tolerance; samples at times, and ways inside of steps; no step is rejected."""
