@@ -61,7 +61,7 @@ def ends(t: float, state: Any) -> float:
 ends.terminal = 1  # type: ignore[attr-defined]
 
 FIXED: dict[str, Any] = {"method": lm.RKMK(order=4), "h": 0.1, "steps": 4}
-ADAPTIVE: dict[str, Any] = {"method": lm.RKMK(order=5), "rtol": 1e-4, "t_end": 0.4, "dense": True}
+ADAPTIVE: dict[str, Any] = {"method": lm.RKMK(order=5), "rtol": 1e-2, "t_end": 0.4, "dense": True}
 
 
 def start_of(system: Any, sites: int, members: int | None) -> Any:
