@@ -41,37 +41,49 @@ void splitting(PARAMETERS) {
     })
 }
 
-/* The covector dS of the Hamilton-Jacobi method, of order ORDER, at x, the logarithms of the numbers over u and v. */
-static inline void covector(double u, double v, const double x[2], double r, double p, double h, double out[2]) {
-    double eu = u * exp(x[0]), ev = v * exp(x[1]), a = h * (eu - r), b = h * (ev - p);
-    out[0] = a, out[1] = b;
+/* Numbers that the Hamilton-Jacobi step reads, as the library does: of H = sum (d_i y_i - p_i log y_i), and of the bracket. */
+double weights[2] = {1.0, 1.0}, coupling[2][2] = {{0.0, 1.0}, {-1.0, 0.0}};
+
+static inline void sharp(const double a[2], double out[2]) {
+    for (int i = 0; i < 2; i++) out[i] = coupling[i][0] * a[0] + coupling[i][1] * a[1];
+}
+
+/* The covector dS of the method of order ORDER, where the numbers are d_i y_i = n_i. */
+static inline void covector(const double n[2], double r, double p, double h, double out[2]) {
+    out[0] = h * (n[0] - r), out[1] = h * (n[1] - p);
 #if ORDER == 4
-    double bent[2] = {h * (eu * b), h * (ev * -a)};
-    out[0] += (1.0 / 12.0) * (0.5 * (h * (eu * b * b)) - h * (eu * bent[1]));
-    out[1] += (1.0 / 12.0) * (0.5 * (h * (ev * a * a)) + h * (ev * bent[0]));
+    double w[2], a[2], bent[2];
+    sharp(out, w);
+    for (int i = 0; i < 2; i++) a[i] = h * (n[i] * w[i]);
+    sharp(a, bent);
+    for (int i = 0; i < 2; i++) out[i] += (1.0 / 12.0) * (0.5 * (h * (n[i] * w[i] * w[i])) - h * (n[i] * bent[i]));
 #endif
 }
 
 void hamilton_jacobi(PARAMETERS) {
     double past[3][2] = {{0.0}};
     LOOP(
-        double mean[2]; double dS[2]; double before = 0.0;
-        for (int i = 0; i < 2; i++) mean[i] = 3.0 * past[0][i] + (past[2][i] - 3.0 * past[1][i]);
+        double dS[2]; double change[2]; double before = 0.0;
+        for (int i = 0; i < 2; i++) dS[i] = 3.0 * past[0][i] + (past[2][i] - 3.0 * past[1][i]);
+        sharp(dS, change);
         for (int tried = 0; tried < 50; tried++) {
-            covector(u, v, mean, r, p, h, dS);
-            double off[2] = {mean[0] - 0.5 * dS[1], mean[1] + 0.5 * dS[0]};
-            double by_v = -0.5 * h * (v * exp(mean[1])); double by_u = 0.5 * h * (u * exp(mean[0]));
-            double scale = 1.0 / (1.0 - by_v * by_u);
-            double step[2] = {scale * (off[0] - by_v * off[1]), scale * (off[1] - by_u * off[0])};
-            double change = fabs(step[0]) / (1.0 + fabs(dS[1])) + fabs(step[1]) / (1.0 + fabs(dS[0]));
-            mean[0] -= step[0]; mean[1] -= step[1];
-            int done = change <= 0x1p-52;
-            if (before > 0.0) done |= 16.0 * (change / before) * change <= 0x1p-52;
-            before = change;
+            double n[2] = {weights[0] * (u * exp(0.5 * change[0])), weights[1] * (v * exp(0.5 * change[1]))};
+            double there[2]; double moved[2]; double m[2][2];
+            covector(n, r, p, h, there);
+            for (int i = 0; i < 2; i++)
+                for (int j = 0; j < 2; j++) m[i][j] = (i == j) + (0.5 * h) * (coupling[j][i] * n[i]);
+            double off[2] = {dS[0] - there[0], dS[1] - there[1]};
+            double scale = 1.0 / (m[0][0] * m[1][1] - m[0][1] * m[1][0]);
+            double step[2] = {scale * (m[1][1] * off[0] - m[0][1] * off[1]), scale * (m[0][0] * off[1] - m[1][0] * off[0])};
+            sharp(step, moved);
+            double off_by = fabs(moved[0]) + fabs(moved[1]); double size = 1.0 + fabs(change[0]) + fabs(change[1]);
+            dS[0] -= step[0]; dS[1] -= step[1];
+            sharp(dS, change);
+            int done = off_by <= 0x1p-52 * size;
+            if (before > 0.0) done |= 16.0 * (off_by / before) * off_by <= 0x1p-52 * size;
+            before = off_by;
             if (done) break;
         }
-        covector(u, v, mean, r, p, h, dS);
-        for (int i = 0; i < 2; i++) past[2][i] = past[1][i], past[1][i] = past[0][i];
-        past[0][0] = 0.5 * dS[1]; past[0][1] = -0.5 * dS[0];
-        u += u * expm1(dS[1]); v += v * expm1(-dS[0]);)
+        for (int i = 0; i < 2; i++) past[2][i] = past[1][i], past[1][i] = past[0][i], past[0][i] = dS[i];
+        u += u * expm1(change[0]); v += v * expm1(change[1]);)
 }

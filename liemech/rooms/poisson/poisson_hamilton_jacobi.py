@@ -16,7 +16,6 @@ from ...formulas import (
     dot,
     exp,
     expm1,
-    gradient,
     identity_matrix,
     jacobian,
     log,
@@ -26,6 +25,7 @@ from ...formulas import (
     where,
 )
 from ...formulas.classes.remembered import Remembered
+from ...formulas.derivatives import gradient_to_add, tangent
 from ...formulas.numbers.dual import Dual
 from ...formulas.numbers.series import Series
 from ...formulas.numbers.sizes import one_norms
@@ -110,40 +110,41 @@ class PoissonHamiltonJacobi(Implicit):
     # ---------------------------------------------------------------- one step
 
     def first(self, system: Any, state: PoissonState, h: float) -> Vec:  # type: ignore[override]
-        """The mean change of y, zero."""
+        """The covector p, zero."""
         return 0.0 * plain(state.y)
 
     def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
-        """Solve for the mean of the motion and follow it to its end."""
+        """Solve for the covector and follow its motion to the end."""
         structure, dH, middle = system.structure, gradient_of(system), t + 0.5 * h
-        y, mean = plain(memory.state.y), extrapolated(*memory.past)
+        y, p = plain(memory.state.y), extrapolated(*memory.past)
         if isinstance(structure, LogCanonical):
-            dH_u, origin = by_logarithms(system, y), vec(*[log_from_start(c) for c in y])
-            change, mean = self.change(structure.of_logarithms, dH_u, middle, origin, mean, h, (len(y),), vec(1.0))
-            change = y * vec(*[expm1(c) for c in change])
+            dH_u, origin, of_u = by_logarithms(system, y), vec(*[log_from_start(c) for c in y]), structure.of_logarithms
+            p = self.solution(of_u, dH_u, middle, origin, p, h, (len(y),), vec(1.0))
+            change = y * vec(*[expm1(c) for c in of_u.sharp(origin, p)])
         else:
             blocks = structure.unit_blocks
-            change, mean = self.change(structure, dH, middle, y, mean, h, blocks, one_norms(y, blocks))
-        return self.after(memory, PoissonState(memory.state.y + change), mean)
+            p = self.solution(structure, dH, middle, y, p, h, blocks, one_norms(y, blocks))
+            change, _ = structure.linear_motion(y, p)
+        return self.after(memory, PoissonState(memory.state.y + change), p)
 
-    def change(
+    def solution(
         self, structure: Any, dH: Any, t: float, y: Vec, guess: Vec, h: float, blocks: tuple[int, ...], sizes: Vec
-    ) -> tuple[Vec, Vec]:
-        """The change of y and its mean, x - y, in a step about the time t.
+    ) -> Vec:
+        """The covector p = dS(x) of a step about the time t, x the mean of its motion from y.
 
-        blocks : of the components that share a unit; sizes, beside which corrections vanish.  Newton's method with the
-        matrix 1 - h B(x) D^2H(x)/2, wrong by O(h^2).
+        blocks : of the components that share a unit; sizes, beside which B dp vanishes, dp a correction.  Newton's
+        method with the matrix 1 - h D^2H(x) B(x)/2, wrong by O(h^2).
         """
 
-        def sweep(mean: Vec) -> tuple[Vec, Vec, Vec]:
+        def sweep(p: Vec) -> tuple[Vec, Vec, Vec]:
+            change, mean = structure.linear_motion(y, p)
             x = y + mean
-            change, led_to = structure.linear_motion(y, self.covector(structure, dH, t, x, h))
             slope = jacobian(lambda z: structure.sharp(x, dH(t, z)), x)
-            step = correction(identity_matrix(len(x)) - (0.5 * h) * slope, mean - led_to)
-            return mean - step, one_norms(step, blocks), sizes + one_norms(change, blocks)
+            matrix = identity_matrix(len(x)) + (0.5 * h) * slope.T
+            step = correction(matrix, p - self.covector(structure, dH, t, x, h))
+            return p - step, one_norms(structure.sharp(x, step), blocks), sizes + one_norms(change, blocks)
 
-        mean = fixed_point(sweep, guess, self, h)
-        return structure.linear_motion(y, self.covector(structure, dH, t, y + mean, h))
+        return fixed_point(sweep, guess, self, h)
 
     def covector(self, structure: Any, dH: Any, t: float, x: Vec, h: float) -> Vec:
         """The gradient of the generating function, p = dS(x), of a step about the time t."""
@@ -191,14 +192,14 @@ def two_terms(structure: Any, dH: Any, t: float, x: Vec, h: float) -> Vec:
     """
 
     def along(z: Vec, w: Vec) -> Vec:
-        return h * derivative(lambda z: dH(z[0], z[1:]), z, w)
+        return h * tangent(lambda z: dH(z[0], z[1:]), z, w, True)[1]
 
     v, at = h * dH(t, x), vec(t, *x)
     w = vec(h, *structure.sharp(x, v))
     a = along(at, w)
-    curved = derivative(lambda z: along(z, w), at, w)
-    turned = gradient(lambda y: dot(a, structure.sharp(y, v)), x)
-    return v + (1.0 / 12.0) * ((turned - along(at, vec(0, *structure.sharp(x, a)))) + 0.5 * curved)
+    curved = tangent(lambda z: along(z, w), at, w, True)[1]
+    turned = gradient_to_add(lambda y: dot(a, structure.sharp(y, v)), x)
+    return v + (1.0 / 12.0) * (0.5 * curved - (along(at, vec(0, *structure.sharp(x, a))) - turned))
 
 
 def odd_terms(structure: Any, dH: Any, t: float, x: Vec, h: float, terms: int) -> list[Vec]:
