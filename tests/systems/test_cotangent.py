@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from scenes import Charged
 from scipy.integrate import solve_ivp
+from scipy.optimize import root
 
 import liemech as lm
 from liemech.errors import IncompatibleSystem, InvalidInput, InvalidType
-from liemech.formulas import cos, derivative, sin
+from liemech.formulas import cos, derivative, dot, sin
 
 ORDERS = 2, 4, 6
 J, B = np.array([1.0, 1.6, 2.3]), 1.2
@@ -443,3 +444,31 @@ def test_what_is_missing_is_named() -> None:
 def test_a_step_that_is_too_long_says_so() -> None:
     with pytest.raises(lm.errors.OutsideChart, match="a smaller h"):
         ended(BODY, lm.SymplecticRKMK(4), BODY.state(10.0 * MU0, G0), 3.0)
+
+
+@lm.record
+class Slew(lm.CotangentSystem):
+    """Pontryagin's energy mu . (u + v) - u . u/2, u = mu, of turns g' = g (u + v) that cost the integral of u . u/2, in a
+    frame that drifts by v in space.
+    """
+
+    configurations: ClassVar[Any] = lm.SO3()
+    drift: lm.Vec = lm.vec(0.3, -0.2, 0.5)
+
+    def energy(self, mu: lm.Vec, g: Any) -> float:
+        return 0.5 * dot(mu, mu) + dot(mu, g.T @ self.drift)
+
+
+@pytest.mark.slow
+def test_a_slew_of_least_effort_is_steady_in_the_frame_that_drifts() -> None:
+    """g = exp(t v) exp(t u), u constant, is what shooting finds."""
+    G, T = lm.SO3(), 1.5
+    slew, aim = Slew(), np.asarray(G.exp([0.9, -0.7, 0.4]))
+    frame = np.asarray(G.exp(T * np.array(slew.drift)))
+    plan = lm.Plan(slew, lm.SymplecticRKMK(6), h=T / 10, every=10, progress=False)
+
+    def missed(mu: np.ndarray) -> np.ndarray:
+        return np.asarray(G.log(aim.T @ plan.run(slew.state(mu=mu, g=np.eye(3)), steps=10).g[-1]))
+
+    effort = root(missed, [0.0, 0.0, 0.0], tol=1e-13).x
+    np.testing.assert_allclose(effort, np.asarray(G.log(frame.T @ aim)) / T, rtol=1e-7)
