@@ -145,6 +145,7 @@ def test_all_casimirs_are_kept_to_rounding() -> None:
     assert drift < 0.5 * np.ptp(energy)
 
 
+@pytest.mark.slow
 def test_without_a_field_it_is_the_ideal_flow() -> None:
     sphere = lm.models.MagneticSphere(13)
     ideal, start = sphere.sphere, sphere.from_harmonics(EDDIES, {})
