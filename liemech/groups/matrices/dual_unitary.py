@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...formulas import Ambient, Element, Mat, record
+from ...formulas import record
 from .classical import U
 from .matrix_basis import SMALL, SparseBasis
 from .matrix_group import MatrixLieGroup, named_by_size, whole_number
@@ -51,10 +51,8 @@ class DualUnitary(MatrixLieGroup):
     @cached_property
     def invariants(self) -> Invariants:
         """g eps = eps g with eps = [[0, 1], [0, 0]], and g^H B g = B with B = [[0, 1], [1, 0]]."""
-        unit = np.eye(self.n)
-        return Invariants(
-            commuting=(np.kron([[0.0, 1.0], [0.0, 0.0]], unit),), hermitian=(np.kron([[0.0, 1.0], [1.0, 0.0]], unit),)
-        )
+        eps, b = (np.kron(x, np.eye(self.n)) for x in ([[0.0, 1.0], [0.0, 0.0]], [[0.0, 1.0], [1.0, 0.0]]))
+        return Invariants(commuting=(eps,), hermitian=(b,))
 
     def why_not_isospectral(self) -> str | None:
         """None: the adjoint over the dual numbers, [[x^H, y^H], [0, x^H]], is that of antihermitian matrices, and
@@ -73,23 +71,11 @@ class DualUnitary(MatrixLieGroup):
         first = [(values**k).sum(axis=-1) for k in powers]
         return np.stack(first + [(values ** (k - 1) * change).sum(axis=-1) for k in powers], axis=-1)
 
-    def nearest(self, g: Ambient) -> Element:
-        """u (1 + eps a), u the unitary polar factor of the mean of the blocks on the diagonal, a antihermitian."""
-        array, n = np.array(g, dtype=complex), self.n
-        u = np.array(U(n).nearest(0.5 * (array[:n, :n] + array[n:, n:])))
-        a = np.conj(u.T) @ array[:n, n:]
-        return Mat.of(np.block([[u, 0.5 * u @ (a - np.conj(a.T))], [np.zeros((n, n)), u]]).tolist())
-
 
 def pair_of(m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """W and Theta of the matrix M = [[W/2, Theta], [0, W/2]] that stands for a momentum.  m : (..., 2 n, 2 n)."""
     n = m.shape[-1] // 2
     return m[..., :n, :n] + m[..., n:, n:], m[..., :n, n:]
-
-
-def matrix_of_pair(w: np.ndarray, theta: np.ndarray) -> np.ndarray:
-    """The inverse of `pair_of`.  w, theta : (n, n)."""
-    return np.block([[0.5 * w, theta], [np.zeros_like(w), 0.5 * w]])
 
 
 def as_blocks(n: int, *corners: tuple[int, int]) -> Any:

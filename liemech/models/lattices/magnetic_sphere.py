@@ -10,7 +10,7 @@ import numpy as np
 
 from ...formulas import Mat, Vec, dot, record
 from ...formulas.large_maps import LinearMap
-from ...groups.matrices.dual_unitary import DualUnitary, as_blocks, matrix_of_pair, pair_of
+from ...groups.matrices.dual_unitary import DualUnitary, as_blocks, pair_of
 from ...systems.hamiltonian import Hamiltonian
 from ...systems.lagrangian import Lagrangian
 from ...systems.lie_poisson import BodyState, LiePoissonSystem
@@ -106,12 +106,8 @@ class MagneticSphere(LiePoissonSystem):
 
     def __post_init__(self) -> None:
         n = ZeitlinSphere(self.n).n
-        for name, value in (
-            ("n", n),
-            ("group", DualUnitary(n)),
-            ("hamiltonian", MagneticEnergy(n)),
-            ("lagrangian", None),
-        ):
+        parts = {"n": n, "group": DualUnitary(n), "hamiltonian": MagneticEnergy(n), "lagrangian": None}
+        for name, value in parts.items():
             object.__setattr__(self, name, value)
 
     @cached_property
@@ -124,8 +120,8 @@ class MagneticSphere(LiePoissonSystem):
         has them.
         """
         to_matrix = self.sphere.group.generated.covector
-        matrices = [to_matrix(np.array(self.sphere.from_harmonics(a).mu)) for a in (vorticity, potential)]
-        return self.state(self.group.generated.pairing(matrix_of_pair(*matrices)))
+        w, theta = (to_matrix(np.array(self.sphere.from_harmonics(a).mu)) for a in (vorticity, potential))
+        return self.state(self.group.generated.pairing(np.block([[0.5 * w, theta], [0.0 * w, 0.5 * w]])))
 
     def vorticity(self, mu: Any) -> np.ndarray:
         """The vorticity as a momentum on `sphere`.  mu : (..., 2 N^2); (..., N^2 - 1)."""
