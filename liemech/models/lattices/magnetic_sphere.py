@@ -14,7 +14,7 @@ from ...groups.matrices.dual_unitary import DualUnitary, as_blocks, pair_of
 from ...systems.hamiltonian import Hamiltonian
 from ...systems.lagrangian import Lagrangian
 from ...systems.lie_poisson import BodyState, LiePoissonSystem
-from .zeitlin_sphere import SphereEnergy, ZeitlinSphere, checked_momenta, laplacian_map
+from .zeitlin_sphere import SphereEnergy, ZeitlinSphere, checked_momenta, laplacian_matrix
 
 
 @record
@@ -38,18 +38,16 @@ class MagneticEnergy(Hamiltonian):
         return DualUnitary(self.n)
 
     @cached_property
-    def laplacian(self) -> LinearMap:
-        """The quantised Laplacian of a matrix (N, N)."""
-        return laplacian_map(self.n)
-
-    @cached_property
-    def blocks(self) -> tuple[LinearMap, ...]:
-        """Maps from M to W and to Theta, and from x and from y into a velocity [[x, y], [0, x]]."""
-        n = self.n
+    def maps(self) -> tuple[LinearMap, ...]:
+        """Maps from a matrix M to W, from x to [[x, 0], [0, x]], and from M to [[0, y], [0, 0]]."""
+        n, diagonal, corner = self.n, as_blocks(self.n, (0, 0), (1, 1)), as_blocks(self.n, (0, 1))
         matrix, blocks = ((n, n), True), ((2 * n, 2 * n), True)
-        diagonal, corner = as_blocks(n, (0, 0), (1, 1)), as_blocks(n, (0, 1))
-        reads = LinearMap(diagonal.T, blocks, matrix), LinearMap(corner.T, blocks, matrix)
-        return *reads, LinearMap(diagonal, matrix, blocks), LinearMap(corner, matrix, blocks)
+        current = -self.flow.factor * (corner @ laplacian_matrix(n) @ corner.T)
+        return (
+            LinearMap(diagonal.T, blocks, matrix),
+            LinearMap(diagonal, matrix, blocks),
+            LinearMap(current, blocks, blocks),
+        )
 
     def energy(self, mu: Vec) -> float:
         """The energy of flow and field.  mu : (2 N^2,)."""
@@ -63,10 +61,8 @@ class MagneticEnergy(Hamiltonian):
 
     def velocity_matrix(self, algebra: Any, m: Mat) -> Mat:
         """x = -i Psi/hbar and y = -i J/hbar, Delta_N Psi = F, J = Delta_N A, as blocks.  m : (2 N, 2 N)."""
-        vorticity, potential, write_x, write_y = self.blocks
-        x = self.flow.velocity_matrix(self.flow.group.algebra, vorticity(m))
-        y = -self.flow.factor * self.laplacian(potential(m))
-        return write_x(x) + write_y(y)
+        vorticity, on_diagonal, current = self.maps
+        return on_diagonal(self.flow.velocity_matrix(algebra, vorticity(m))) + current(m)
 
 
 @record
@@ -82,8 +78,8 @@ class MagneticSphere(LiePoissonSystem):
     n : N, at least 13, as in `ZeitlinSphere`, whose flow is that of A = 0.
 
     States are momenta on the group of unitary matrices over the dual numbers; `from_harmonics` makes one of
-    coefficients of spherical harmonics.  `vorticity` and `potential` return momenta on `sphere`, of a single
-    field, which has their harmonics and values.  `Isospectral(order=2)` keeps all Casimirs, to rounding, and is a
+    coefficients of spherical harmonics.  `fields` returns vorticity and potential, each a momentum on
+    `sphere`, which has its harmonics and values.  `Isospectral(order=2)` keeps all Casimirs, to rounding, and is a
     Poisson map.
 
     Conserved: energy; the levels of the potential; the cross helicity int omega A, and int omega A^k for all k;
@@ -100,9 +96,6 @@ class MagneticSphere(LiePoissonSystem):
     hamiltonian: MagneticEnergy = field(init=False, repr=False)
     lagrangian: Lagrangian | None = field(init=False, repr=False, default=None)
     n: int
-
-    def __repr__(self) -> str:
-        return f"{type(self).__name__}({self.n})"
 
     def __post_init__(self) -> None:
         n = ZeitlinSphere(self.n).n
@@ -123,30 +116,23 @@ class MagneticSphere(LiePoissonSystem):
         w, theta = (to_matrix(np.array(self.sphere.from_harmonics(a).mu)) for a in (vorticity, potential))
         return self.state(self.group.generated.pairing(np.block([[0.5 * w, theta], [0.0 * w, 0.5 * w]])))
 
-    def vorticity(self, mu: Any) -> np.ndarray:
-        """The vorticity as a momentum on `sphere`.  mu : (..., 2 N^2); (..., N^2 - 1)."""
-        return self._fields(mu, "vorticity")[0]
-
-    def potential(self, mu: Any) -> np.ndarray:
-        """The magnetic potential as a momentum on `sphere`.  mu : (..., 2 N^2); (..., N^2 - 1)."""
-        return self._fields(mu, "potential")[1]
-
-    def _fields(self, mu: Any, name: str) -> list[np.ndarray]:
-        m = self.group.generated.covector(checked_momenta(self, mu, name))
+    def fields(self, mu: Any) -> list[np.ndarray]:
+        """Vorticity and magnetic potential as momenta on `sphere`.  mu : (..., 2 N^2); (..., N^2 - 1) each."""
+        m = self.group.generated.covector(checked_momenta(self, mu, "fields"))
         return [self.sphere.group.generated.pairing(x) for x in pair_of(m)]
 
     def cross_moments(self, mu: Any, powers: tuple[int, ...] = (1, 2, 3)) -> np.ndarray:
         """The Casimirs int omega A^k = (4 pi/N) tr F A^k, the first of them the cross helicity.
         mu : (..., 2 N^2); (..., powers).
         """
-        f, a = (self.sphere.matrix(x) for x in self._fields(mu, "cross_moments"))
+        f, a = (self.sphere.matrix(x) for x in self.fields(mu))
         traces = [np.einsum("...ij,...ji->...", f, np.linalg.matrix_power(a, k)).real for k in powers]
         return np.stack([4.0 * np.pi / self.n * x for x in traces], axis=-1)
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Energy, moments of the potential, cross helicity and further cross moments, and angular momentum."""
         mu = states["mu"]
-        vorticity, potential = self._fields(mu, "constants")
+        vorticity, potential = self.fields(mu)
         moments, cross = self.sphere.moments(potential), self.cross_moments(mu)
         constants = {"energy": np.asarray(self.energy(mu)), "cross helicity": cross[..., 0]}
         constants |= {f"cross moment {k}": cross[..., k - 1] for k in (2, 3)}

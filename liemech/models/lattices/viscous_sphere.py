@@ -12,7 +12,7 @@ from ...formulas import Vec, record
 from ...formulas.large_maps import LinearMap
 from ...rooms.noise.dissipative import Dissipative
 from ...systems.lie_poisson import BodyState
-from .zeitlin_sphere import ZeitlinSphere, laplacian_map
+from .zeitlin_sphere import ZeitlinSphere, laplacian_matrix
 
 
 @record
@@ -47,7 +47,8 @@ class ViscousSphere(Dissipative):
     @cached_property
     def diffusion(self) -> LinearMap:
         """Delta_N + 2 on matrices."""
-        return laplacian_map(self.system.n, 2.0)
+        form = (self.system.n, self.system.n), True
+        return LinearMap(laplacian_matrix(self.system.n, 2.0), form, form)
 
     @cached_property
     def fastest(self) -> float:

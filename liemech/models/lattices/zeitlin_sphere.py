@@ -19,7 +19,7 @@ import numpy as np
 from ...errors import InvalidInput
 from ...formulas import Mat, Vec, check_finite, dot, real_array, record
 from ...formulas.large import Large
-from ...formulas.large_maps import DiagonalSolver, LinearMap
+from ...formulas.large_maps import DiagonalSolver
 from ...groups.matrices import matrix_basis
 from ...groups.matrices.classical import SU
 from ...groups.matrices.matrix_group import whole_number
@@ -345,8 +345,8 @@ def laplacian(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return lower, 2.0 * np.outer(z, z) - 2.0 * s * (s + 1.0), upper
 
 
-def laplacian_map(n: int, shift: float = 0.0) -> LinearMap:
-    """The quantised Laplacian, and a multiple of F, as a map of large matrices: Delta_N + shift."""
+def laplacian_matrix(n: int, shift: float = 0.0) -> Any:
+    """The matrix, of SciPy's, of Delta_N + shift for the numbers of a complex matrix (n, n), one after the other."""
     from scipy.sparse import coo_array
 
     j, k = np.indices((n, n))
@@ -359,9 +359,8 @@ def laplacian_map(n: int, shift: float = 0.0) -> LinearMap:
             rows.append(2 * at + part)
             columns.append(2 * (at + step * (n + 1)) + part)
             values.append(coefficients[nonzero])
-    size, form = 2 * n * n, ((n, n), True)
     places = np.concatenate(rows), np.concatenate(columns)
-    return LinearMap(coo_array((np.concatenate(values), places), (size, size)), form, form)
+    return coo_array((np.concatenate(values), places), (2 * n * n, 2 * n * n))
 
 
 def legendre(m: int, largest: int, z: np.ndarray) -> np.ndarray:
