@@ -15,7 +15,7 @@ from ..errors import InvalidInput
 from ..formulas import Record
 from ..formulas.classes.frozen import frozen
 from ..formulas.classes.records import fields_of
-from ..integrators.ending_at_jumps import ending_at_jumps
+from ..integrators.ending_at_jumps import ending_at_jumps, jumps_between
 from ..systems.lie_poisson import with_sites
 from ..systems.many.site_state import StateOfSites
 from ..systems.system import State, System, small_state
@@ -324,6 +324,15 @@ class Trajectory:
         Of an ensemble all bodies at these times, (m, bodies, ...), those that an event has ended at their ends.
         """
         return with_sites(self.system, self._motion(t), np.ndim(t) + (self.bodies is not None))
+
+    @property
+    def _at_every_step(self) -> bool:
+        """Whether samples are at the ends of all fixed steps, t0 + n h, none of which a jump or an end cuts."""
+        if self.bodies is not None or self.rejected is not None or self.observed or len(self.t) != self.steps + 1:
+            return False
+        rounding = 1e-6 * abs(self.h) + 2.0 * np.spacing(np.abs(self.t).max())
+        cut = jumps_between(self.method, self.system, self.breaks, *self.t[[0, -1]].tolist())
+        return not cut and bool((np.abs(np.diff(self.t) - self.h) <= rounding).all())
 
     @cached_property
     def _motion(self) -> Any:

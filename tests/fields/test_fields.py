@@ -398,6 +398,12 @@ def test_a_rod_is_a_field():
 # ---------------------------------------------------------------- what is refused
 
 
+def moving(line, **options):
+    """Two steps of a line."""
+    start = line.at_rest(0.1 * line.arc[:, None] ** 2)
+    return lm.integrate(line, lm.KickDrift(), start, h=0.2, steps=2, compiled=False, **options)
+
+
 @pytest.mark.parametrize(
     ("make", "says"),
     [
@@ -407,6 +413,8 @@ def test_a_rod_is_a_field():
         (lambda: string(3, -1.0), "length must be positive and finite; got -1.0"),
         (lambda: string(3, ends=("held",)), "ends are two"),
         (lambda: string(3, ends=("held", "loose")), 'ends are two, each "free", "held", a Potential or a Force'),
+        (lambda: string(3, closed=True, ends=("held", "held")), "a closed line has no ends; got .'held', 'held'"),
+        (lambda: string(3).balance(moving(string(3), t_eval=[0.0, 0.05, 0.3])), "every step of one run"),
         (lambda: lm.FieldDensity(Stiffening(), ONE), "kinetic is quadratic"),
         (lambda: string(3, acting=(Push(1.0),)).column(1.0, 4), "has no potential"),
         (lambda: string(3).shape([1.0, 2.0]), r"u is \(1,\) or \(3, 1\)"),
@@ -427,6 +435,7 @@ def test_what_is_wrong_is_said(make, says):
         (lambda: string(3, acting=(1.0,)), "acting must be Potentials and Forces"),
         (lambda: string(3, acting=Weight()), "acting must be a tuple"),
         (lambda: string(3, ends="held"), "ends must be a tuple"),
+        (lambda: string(3, closed="no"), "closed must be True or False"),
     ],
 )  # fmt: skip
 def test_what_is_no_field_is_said(make, says):

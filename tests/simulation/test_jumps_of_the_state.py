@@ -255,6 +255,19 @@ def test_an_impact_keeps_what_the_plane_keeps(restitution: float, t_end: float) 
 
 
 @pytest.mark.slow
+def test_bodies_of_an_ensemble_bounce_by_the_inertia_of_each() -> None:
+    """For e = 1 each keeps its energy."""
+    light: Any = lm.LiePoissonSystem(lm.SE3(), lm.KineticEnergy([0.3, 0.6, 0.4, 2.0, 2.0, 2.0]))
+    light = lm.MechanicalSystem(light, BRICK.potential)
+    start = BRICK.state(mu=[[0.3, -0.5, 0.4, 0.8, 0.2, -0.3]] * 2, g=np.array([np.eye(4)] * 2))
+    run = lm.integrate(
+        [BRICK, light], lm.RKMK(order=5), start, t_end=1.5, rtol=1e-9, events=lm.impact(BRICK, corner), compiled=False
+    )
+    assert [len(times) for times, _ in run.events[0]] == [1, 1]
+    assert run.energy[-1] == pytest.approx(run.energy[0], rel=1e-7)
+
+
+@pytest.mark.slow
 def test_a_corner_that_comes_to_rest_does_not_sink() -> None:
     """Where rounding decides, an impact would turn the corner into the floor."""
     with pytest.raises(lm.errors.StepTooSmall, match="accumulate") as stopped:

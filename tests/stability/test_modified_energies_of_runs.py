@@ -99,5 +99,9 @@ def test_what_has_no_modified_energy_is_refused() -> None:
     with pytest.raises(lm.errors.InvalidInput, match="more than 8 steps"):
         lm.modified_energy(steps_of("Verlet", 0.2, 1.2))
     system, method, start, h = CASES["Verlet"]
-    with pytest.raises(lm.errors.InvalidInput, match="every=1"):
-        lm.modified_energy(lm.integrate(system, method, start, h=h, steps=40, every=2))
+    half: Any = lambda t, state: t - 39.5 * h  # noqa: E731
+    half.terminal = True
+    for options in ({"every": 2}, {"t_eval": np.linspace(0.0, 30.0 * h, 41)}, {"breaks": [12.3 * h]}, {"events": half}):
+        cut: Any = lm.integrate(system, method, start, h=h, steps=40, compiled=False, **options)
+        with pytest.raises(lm.errors.InvalidInput, match="every=1, none cut"):
+            lm.modified_energy(cut)

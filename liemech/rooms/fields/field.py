@@ -66,6 +66,7 @@ class Field(FieldInCells):
             raise InvalidInput(f"{name}: length must be positive and finite; got {self.length!r}")
         if type(self.cells) is not int or self.cells < least:
             raise InvalidInput(f"{name}: cells must be a whole number from {least} on; got {self.cells!r}")
+        require(f"{name}: closed", self.closed, bool, "True or False")
         for what in ("ends", "acting"):
             require(f"{name}: {what}", getattr(self, what), (tuple, list), "a tuple")
             object.__setattr__(self, what, tuple(getattr(self, what)))
@@ -74,6 +75,8 @@ class Field(FieldInCells):
         ends: Any = self.ends
         if len(ends) != 2 or not all(x in ("free", "held") or isinstance(x, (Potential, Force)) for x in ends):
             raise InvalidInput(f'{name}: ends are two, each "free", "held", a Potential or a Force; got {ends!r}')
+        if self.closed and ends != ("free", "free"):
+            raise InvalidInput(f"{name}: a closed line has no ends; got {ends!r}")
 
     @property
     def element(self) -> Cell:

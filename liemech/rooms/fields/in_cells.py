@@ -176,7 +176,7 @@ class FieldInCells(MechanicalSystem):
         where = f"{type(self).__name__}.balance"
         if not self._alone:
             raise InvalidInput(f"{where}: more than the cells acts on nodes; give a field without")
-        if not {"mu", "g"} <= {*run.states} or run.bodies is not None or len(run.t) != run.steps + 1:
+        if not ({"mu", "g"} <= {*run.states} and run._at_every_step):
             raise InvalidInput(f"{where}: needs mu and g of every step of one run, every=1; got {[*run.states]}")
         mu, g, (stored, eta) = run.mu, run.g, self._stored(run.g)
         kinetic = self.parts * np.asarray(self.density.kinetic.energy(mu / self.parts[:, None]))

@@ -76,10 +76,9 @@ def modified_energy(run: Trajectory, order: int = 8) -> ModifiedEnergy:
         raise InvalidInput(
             f"modified_energy: order is even and above that of the method, {method.order}; got {order}: else H itself is nearer"
         )
-    complete = run.bodies is None and run.rejected is None and not run.observed and len(run.t) == run.steps + 1
-    if not complete or getattr(run, "tau", None) is not None:
+    if not run._at_every_step:
         raise InvalidInput(
-            "modified_energy: takes one body with fixed steps, all of which are kept, every=1, and no jumps"
+            "modified_energy: takes one body with fixed steps, all of which are kept, every=1, none cut by breaks or an event"
         )
     if len(run.t) <= 2 * m:
         raise InvalidInput(

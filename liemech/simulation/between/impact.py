@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from ...errors import InvalidInput, require
@@ -34,6 +35,17 @@ class Rebound:
         return self.system.state(mu=mu - (1.0 + self.restitution) * closing / mobility * w, g=g)
 
 
+@frozen(eq=False)
+class Impact(Jump):
+    """The jump of an impact, by the inertia of the body that runs."""
+
+    then: Rebound
+
+    def of(self, system: Any) -> Impact:
+        """The impact of a body of this system."""
+        return Impact(self.when, replace(self.then, system=system))
+
+
 def impact(system: CotangentMotion, gap: Callable[[float, Any], float], restitution: float = 1.0) -> Jump:
     """The jump of a body that meets a smooth wall, phi = 0: dphi/dt -> -e dphi/dt, by an impulse along w = D_g phi.
 
@@ -41,7 +53,8 @@ def impact(system: CotangentMotion, gap: Callable[[float, Any], float], restitut
 
     It keeps the momenta of symmetries of the wall, and for e = 1 the energy.
 
-    system : a body in a field, MechanicalSystem.  gap : phi(t, state), in m, of state.g, zero at contact; the wall may move.
+    system : a body in a field, MechanicalSystem; in a run that of the run counts, of an ensemble that of each body.
+    gap : phi(t, state), in m, of state.g, zero at contact; the wall may move.
     restitution : e, 0 < e <= 1.
     Source: Brogliato, Nonsmooth Mechanics, 3rd ed. (2016), section 4.3; on Lie groups Tran and Leok, arXiv:2310.15356.
     """
@@ -51,4 +64,4 @@ def impact(system: CotangentMotion, gap: Callable[[float, Any], float], restitut
         raise InvalidInput(
             f"impact: restitution is a number 0 < e <= 1; got {restitution!r}. Contact that lasts, e = 0, is no jump"
         )
-    return Jump(gap, Rebound(system, gap, float(restitution)))
+    return Impact(gap, Rebound(system, gap, float(restitution)))

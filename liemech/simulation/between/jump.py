@@ -47,6 +47,10 @@ class Jump:
             return getattr(self.when, name)
         raise AttributeError(name)
 
+    def of(self, system: Any) -> Jump:
+        """The jump of a body of this system."""
+        return self
+
     def after(self, t: float, state: Any) -> Any:
         """The state y+, as `then` gives it.  Raises InvalidType for what is no state."""
         new = self.then(t, state)
