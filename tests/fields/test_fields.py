@@ -416,6 +416,8 @@ def moving(line, **options):
         (lambda: string(3, closed=True, ends=("held", "held")), "a closed line has no ends; got .'held', 'held'"),
         (lambda: string(3).balance(moving(string(3), t_eval=[0.0, 0.05, 0.3])), "every step of one run"),
         (lambda: lm.FieldDensity(Stiffening(), ONE), "kinetic is quadratic"),
+        (lambda: lm.StrainEnergy([1.0, 2.0], [0.0]), "stiffness is of 2 components, rest of 1"),
+        (lambda: lm.StrainEnergy([1.0], [np.nan]), "StrainEnergy: rest"),
         (lambda: string(3, acting=(Push(1.0),)).column(1.0, 4), "has no potential"),
         (lambda: string(3).shape([1.0, 2.0]), r"u is \(1,\) or \(3, 1\)"),
         (lambda: string(3, acting=(Weight(),)).balance(None), "more than the cells acts on nodes"),

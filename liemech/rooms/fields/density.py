@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from ...errors import InvalidInput, require
-from ...formulas import Mat, Record, Vec, dot, record
+from ...formulas import Mat, Record, Vec, check_finite, dot, record
+from ...formulas.classes.fields import OfEach
 from ...formulas.classes.of_each import each
 from ...systems.hamiltonian import Hamiltonian
 from ...systems.kinetic_energy import KineticEnergy, has_inertia, times
@@ -21,7 +22,7 @@ class StrainEnergy(Hamiltonian, Lagrangian):
     Hamiltonian lam . eta_0 + lam . C^-1 lam/2 of the internal force lam = C (eta - eta_0).
 
     stiffness : C, (dim,) or (dim, dim) symmetric.  rest : eta_0, the strain without force, (dim,).
-    Raises InvalidInput for a stiffness without an inverse.
+    Raises InvalidInput for a stiffness without an inverse, or of other components than the rest.
 
     Source: Simo, Comput. Methods Appl. Mech. Eng. 49 (1985), 55, section 5.
     """
@@ -33,6 +34,12 @@ class StrainEnergy(Hamiltonian, Lagrangian):
     def __post_init__(self) -> None:
         super().__post_init__()
         object.__setattr__(self, "compliance", KineticEnergy(self.stiffness).inverse)
+        if not isinstance(self.rest, OfEach):
+            check_finite(np.array(self.rest), "StrainEnergy: rest")
+            if not isinstance(self.stiffness, OfEach) and len(self.stiffness) != len(self.rest):
+                raise InvalidInput(
+                    f"StrainEnergy: stiffness is of {len(self.stiffness)} components, rest of {len(self.rest)}; give as many"
+                )
 
     def energy(self, mu: Vec) -> float:
         """lam . eta_0 + lam . C^-1 lam/2, of a force lam."""
