@@ -205,7 +205,7 @@ def test_orders(name: str, order: int) -> None:
     ("name", "order"),
     [
         *((name, 2) for name in CASES),
-        *(pytest.param(name, 4, marks=[pytest.mark.slow] * (len(CASES[name][1]) > 3)) for name in CASES),
+        *(pytest.param(name, 4, marks=[pytest.mark.slow] * (name not in ("momenta", "plane"))) for name in CASES),
         *(pytest.param(name, 6, marks=pytest.mark.slow) for name in ("plane", "momenta")),
     ],
 )
