@@ -93,7 +93,7 @@ class Watch:
         self.values = values  # by event, its value at the last state
         self.before = before.counts(events)  # by event, the number of zeros in the run before this one
         # by event, the times of its zeros and the numbers of the states, in the order of the motion
-        self.found: list[list[tuple[float, np.ndarray]]] = [[] for _ in events]
+        self.zeros: list[list[tuple[float, np.ndarray]]] = [[] for _ in events]
         # by event, the number of zeros after which it ends the run; 0: it does not
         self.terminal = [int(getattr(event, "terminal", None) or 0) for event in events]
         self.ended: int | None = None  # the number of the event that has ended the run
@@ -105,8 +105,8 @@ class Watch:
         """Keep zeros in the order in which the motion meets them, up to a terminal one or a jump."""
         for zero in zeros:
             _, at, i, numbers = zero
-            self.found[i].append((at, numbers))
-            if self.before[i] + len(self.found[i]) == self.terminal[i]:
+            self.zeros[i].append((at, numbers))
+            if self.before[i] + len(self.zeros[i]) == self.terminal[i]:
                 self.ended = i
                 return zero
             if self.jumps[i]:
@@ -117,7 +117,7 @@ class Watch:
         """The value of an event where another one jumps, with the sign that it had, if its zero there is still to come."""
         since, old = self.since
         side = old[i]
-        for t, _ in self.found[i]:
+        for t, _ in self.zeros[i]:
             side = -side if t != since and min(since, at) <= t <= max(since, at) else side
         before = math.copysign(max(abs(value), SIGN), side)
         at_once = abs(at - since) <= ONE_TIME * abs(at)
@@ -125,13 +125,13 @@ class Watch:
 
     def forget(self, t: float, sign: float, ended: bool) -> None:
         """Forget the zeros that were met after this time, to which the run was interrupted."""
-        self.found = [[(at, x) for at, x in zeros if (at - t) * sign <= 0.0] for zeros in self.found]
+        self.zeros = [[(at, x) for at, x in zeros if (at - t) * sign <= 0.0] for zeros in self.zeros]
         self.ended = self.ended if ended else None
 
     @property
     def met(self) -> Met:
         """Counts for a run that goes on; zero for the event that ended this one."""
-        counts = [n + len(zeros) for n, zeros in zip(self.before, self.found, strict=True)]
+        counts = [n + len(zeros) for n, zeros in zip(self.before, self.zeros, strict=True)]
         if self.ended is not None:
             counts[self.ended] = 0
         return Met.of_counts(self.events, counts)
@@ -458,7 +458,7 @@ class Events:
         why = left_behind(*rates)
         if came_back or abs(at - last) <= ONE_TIME * max(abs(at), abs(end)):
             why = (
-                f"after {len(watch.found[k])} jumps rounding decides on which side of the zero the motion is. They accumulate, as "
+                f"after {len(watch.zeros[k])} jumps rounding decides on which side of the zero the motion is. They accumulate, as "
                 "the bounces of a ball that comes to rest: end the run before, by a terminal event, or go on from run.last with "
                 "a system that has the contact as a constraint"
             )
@@ -556,7 +556,7 @@ class Events:
     def shown(self, body: int) -> tuple[tuple[np.ndarray, Any], ...]:
         """Times and states of every event of a body, as a Trajectory holds them."""
         watch = self.each.get(body)
-        zeros = [[] for _ in self.events] if watch is None else watch.found
+        zeros = [[] for _ in self.events] if watch is None else watch.zeros
         run, width = self.run, self.run.wide
         system = run.plan._first_of("system")
         states = [run.view.states(np.array([x for _, x in met]).reshape(len(met), width)) for met in zeros]

@@ -356,7 +356,7 @@ ENDS = 2
 
 @record
 class Procedure(Record):
-    """What the driver of steps does: the method of one site, the control of all, and samples.
+    """The procedure of the driver of steps: the method of one site, the control of all, and samples.
 
     method : of one site.  control : of the steps.  memory, place : the layouts of what the method carries along for one
     site, and of what the control does.  shown : the content of samples.  all_steps : are there samples of all steps,

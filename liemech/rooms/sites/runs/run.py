@@ -423,7 +423,7 @@ class SiteRun(Course):
         return first_reason(self, failures, first, again)
 
     def _attend(self) -> None:
-        """Look at what the driver has come to a stand for."""
+        """Act on why the driver has stopped: for a sample inside of a step, a failure, or a jump of the velocity."""
         clock, step_begin, samples = self.clocks[:, 0], self.march.item(STEP_BEGIN), self.samples
         t = float(clock[TIME])
         if self.ended_by is not None:
