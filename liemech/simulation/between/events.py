@@ -445,7 +445,7 @@ class Events:
         event: Any = self.events[k]
         system, before = run.system_and_method(body)[0], run.view.small(numbers)
         try:
-            after = arguments.started(system, event.of(system).after(at, before), None, at)
+            after = arguments.started(system, event.jump_of(system).after(at, before), None, at)
             if any(after.parts[name] is None for name in before.arrays):
                 parts = ", ".join(before.arrays)
                 raise InvalidInput(f"Jump: then(t, state) leaves parts out; give system.state(...) all of {parts}")

@@ -41,7 +41,7 @@ class Impact(Jump):
 
     then: Rebound
 
-    def of(self, system: Any) -> Impact:
+    def jump_of(self, system: Any) -> Impact:
         """The impact of a body of this system."""
         return Impact(self.when, replace(self.then, system=system))
 

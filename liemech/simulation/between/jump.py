@@ -47,7 +47,7 @@ class Jump:
             return getattr(self.when, name)
         raise AttributeError(name)
 
-    def of(self, system: Any) -> Jump:
+    def jump_of(self, system: Any) -> Jump:
         """The jump of a body of this system."""
         return self
 
