@@ -328,7 +328,7 @@ class Trajectory:
     @property
     def _at_every_step(self) -> bool:
         """Whether samples are at the ends of all fixed steps, t0 + n h, none of which a jump or an end cuts."""
-        if self.bodies is not None or self.rejected is not None or self.observed or len(self.t) != self.steps + 1:
+        if self.bodies is not None or self.rejected is not None or len(self.t) != self.steps + 1:
             return False
         rounding = 1e-6 * abs(self.h) + 2.0 * np.spacing(np.abs(self.t).max())
         cut = jumps_between(self.method, self.system, self.breaks, *self.t[[0, -1]].tolist())

@@ -76,7 +76,7 @@ def modified_energy(run: Trajectory, order: int = 8) -> ModifiedEnergy:
         raise InvalidInput(
             f"modified_energy: order is even and above that of the method, {method.order}; got {order}: else H itself is nearer"
         )
-    if not run._at_every_step:
+    if run.observed or not run._at_every_step:
         raise InvalidInput(
             "modified_energy: takes one body with fixed steps, all of which are kept, every=1, none cut by breaks or an event"
         )
