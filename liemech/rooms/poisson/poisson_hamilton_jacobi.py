@@ -110,7 +110,7 @@ class PoissonHamiltonJacobi(Implicit):
     # ---------------------------------------------------------------- one step
 
     def first(self, system: Any, state: PoissonState, h: float) -> Vec:  # type: ignore[override]
-        """The covector p, zero."""
+        """The covector p of no motion, zero."""
         return 0.0 * plain(state.y)
 
     def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
