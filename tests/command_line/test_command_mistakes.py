@@ -173,7 +173,6 @@ def test_a_run_that_cannot_be_saved_has_its_other_outputs(
 
     monkeypatch.setattr(lm.Trajectory, "save", save)
     assert main(["run", "comet", "--steps", "10", "--save", "--view", "--quiet"]) == 1
-    assert (
-        capsys.readouterr().err == "liemech: comet.npz is not written: Trajectory.save: not of runs in fictive time\n"
-    )
+    *_, last = capsys.readouterr().err.splitlines()  # behind a notice of slow compiling
+    assert last == "liemech: comet.npz is not written: Trajectory.save: not of runs in fictive time"
     assert Path("comet.html").exists()
