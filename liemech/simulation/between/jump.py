@@ -24,9 +24,9 @@ class Jump:
     ends, without a jump.
     then : a function of time and state that returns a state, `system.state(...)`.
 
-    `run.events` has the times and the states y-, and the samples both sides; `run.at(t)` at that time is y+.  After a jump the event has the sign of its
-    rate: one that turns the motion back is met again.  A run ends with StepTooSmall where jumps accumulate, as the bounces
-    of a ball that comes to rest, and where a jump leaves the event at rest in its zero.
+    `run.events` has the times and the states y-, and the samples both sides; `run.at(t)` at that time is y+.  After a jump
+    the event has the sign of its rate: one that turns the motion back is met again.  A run ends with StepTooSmall where
+    jumps accumulate, as the bounces of a ball that comes to rest, and where a jump leaves the event at rest in its zero.
     Source: di Bernardo, Budd, Champneys and Kowalczyk, Piecewise-smooth Dynamical Systems (2008), sections 2.2.3 and 2.4.
     """
 
