@@ -258,6 +258,23 @@ class OnRockingBase(lm.DrivenCotangentSystem):
 
 
 @lm.record
+class ChargedSite(lm.Term):
+    """A charged body in the field of all sites."""
+
+    def energy(self, a: Any) -> Any:
+        u = a.mu - 0.6 * lm.vec(0.8 * a.g[2, 0], 0.5 * a.g[2, 1], 1.1 * a.g[2, 2])
+        return 0.5 * lm.dot(u, u / lm.Vec.of(J.tolist())) + 0.4 * a.g[2, 0]
+
+
+@lm.record
+class RockingSite(lm.Term):
+    """A body, its place told from a base that turns to and fro."""
+
+    def energy(self, a: Any, t: float) -> Any:
+        return 0.5 * lm.dot(a.mu, a.mu / lm.Vec.of(J.tolist())) - cos(3.0 * t) * lm.dot(a.g[0], a.mu)
+
+
+@lm.record
 class Knife(lm.VelocityConstraint):
     """No velocity along the first axis of the body."""
 
@@ -405,6 +422,16 @@ SYSTEMS: dict[str, Callable[[], tuple[Any, Any]]] = {
     "of momentum and place": lambda: _started(Charged(), MU, R),
     "of velocity and place": lambda: _started(ChargedByVelocities(), MU, R),
     "of momentum and place, driven": lambda: _started(OnRockingBase(), MU, R),
+    "sites of momentum and place": lambda: _started(
+        lm.CotangentSites(lm.SO3() ** 2, lm.Terms(ChargedSite())), [MU, MU[::-1]], np.array([R, np.eye(3)])
+    ),
+    "sites of momentum and place, driven": lambda: _started(
+        lm.DrivenCotangentSites(lm.SO3() ** 2, lm.Terms(RockingSite())), [MU, MU[::-1]], np.array([R, np.eye(3)])
+    ),
+    "cells of a field": lambda: _started(
+        lm.Field(lm.SO3(), lm.FieldDensity(lm.KineticEnergy(J), lm.KineticEnergy([0.5, 0.8, 0.6])), 2.0, 1),
+        [MU, MU[::-1]], np.array([R, np.eye(3)])
+    ),
     "another time": lambda: (lm.SundmanTransformed(BODY, lambda mu: 1.0 + lm.dot(mu, mu)), BODY.state(MU, R)),
     "another time, damped": lambda: (
         lm.SundmanTransformed(lm.DoubleBracket(BODY, 0.7), lambda mu: 1.0 + lm.dot(mu, mu)),
