@@ -13,6 +13,7 @@ from __future__ import annotations
 import functools
 import inspect
 import itertools
+import operator
 import re
 from typing import Any
 
@@ -44,8 +45,20 @@ def public() -> dict[str, str]:
                 alone = name[0].isupper() or (not module and ("_" in name or name == "integrate"))
                 # `record` and `drift` alone are words
                 known = spellings if alone else spellings[: 3 if module else 2]
-                found |= dict.fromkeys(known, f"liemech.{path}{name}")
+                found = (
+                    dict.fromkeys(known, f"liemech.{path}{name}") | found
+                )  # of two, the one with fewer dots
     return found
+
+
+@functools.cache
+def full_name(kind: type) -> str | None:
+    """The full name of a public class: of those with one name, such as `Field`, its own."""
+    spelled = {name for name in public().values() if name.rpartition(".")[2] == kind.__name__}
+    return next(
+        (x for x in spelled if operator.attrgetter(x.removeprefix("liemech."))(liemech) is kind),
+        None,
+    )
 
 
 def home(owner: type, name: str) -> str | None:
@@ -57,7 +70,7 @@ def home(owner: type, name: str) -> str | None:
                 member, property | functools.cached_property
             )
             has_text = method and bool((member.__doc__ or "").strip())
-            path = public().get(one.__name__)
+            path = full_name(one)
             return f"{path}.{name}" if has_text and path else None
     return None
 
