@@ -37,8 +37,9 @@ def frozen(cls: Any = None, *, eq: bool = True, repr: bool = True) -> Any:
     dataclasses.dataclass(frozen=True, eq=False, repr=False)(cls)
     cls.__module__ = home
     switches = {"__repr__": repr, "__eq__": eq, "__hash__": eq}
-    # beside a written `__eq__` Python puts `__hash__ = None`
-    written = {name for name, value in vars(cls).items() if value is not None}
+    written = {*vars(cls)}
+    if "__eq__" in written and vars(cls)["__hash__"] is None:  # by Python, beside a written `__eq__`
+        written.remove("__hash__")
     for method in _methods(cls, dataclasses.fields(cls)):
         if switches[method.__name__] and method.__name__ not in written:
             setattr(cls, method.__name__, method)
