@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import abc
 import dataclasses
 import functools
 import operator
@@ -43,7 +44,7 @@ def frozen(cls: Any = None, *, eq: bool = True, repr: bool = True) -> Any:
     for method in _methods(cls, dataclasses.fields(cls)):
         if switches[method.__name__] and method.__name__ not in written:
             setattr(cls, method.__name__, method)
-    return cls
+    return abc.update_abstractmethods(cls)
 
 
 def _methods(cls: Any, fields: tuple[Any, ...]) -> list[Any]:
