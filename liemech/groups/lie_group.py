@@ -365,3 +365,20 @@ class LieGroup(Record):
                 reason = self.objection(value)
             return reason and f"is not in {self!r}: {reason}"
         return objection(argument, value)
+
+
+@record
+class CayleyByExponential(LieGroup):
+    """A group whose Cayley map is the exponential one, as x^3 = 0 in its matrix algebra; abstract."""
+
+    def cayley(self, xi: Vec) -> Element:
+        """The Cayley map, which is the exponential one."""
+        return self.exp(xi)
+
+    def compose_cayley(self, g: Element, xi: Vec) -> Element:
+        """The product g cayley(xi)."""
+        return self.compose_exp(g, xi)
+
+    def cayley_inv(self, g: Element) -> Vec:
+        """The inverse of the Cayley map, the logarithm."""
+        return self.log(g)

@@ -12,7 +12,7 @@ import numpy as np
 from ..formulas import Ambient, Element, Mat, Vec, mat, record, vec
 from .composed.parts import AlgebraOfParts
 from .lie_algebra import Constants
-from .lie_group import LieGroup
+from .lie_group import CayleyByExponential, LieGroup
 from .matrices.matrix_group import named_by_size, whole_number
 
 
@@ -58,7 +58,7 @@ class AbelianAlgebra(AlgebraOfParts):
 
 
 @record
-class VectorSpace(LieGroup):
+class VectorSpace(CayleyByExponential):
     """R^n under addition: elements, velocities and momenta are vectors (n,), and every map between
     them is the identity.
 
@@ -138,18 +138,6 @@ class VectorSpace(LieGroup):
     def compose_exp(self, g: Element, xi: Vec) -> Element:
         """The product g exp(xi) = g + xi."""
         return g + xi
-
-    def cayley(self, xi: Vec) -> Element:
-        """The Cayley map, which is the exponential one."""
-        return self.exp(xi)
-
-    def compose_cayley(self, g: Element, xi: Vec) -> Element:
-        """The product g cayley(xi)."""
-        return self.compose_exp(g, xi)
-
-    def cayley_inv(self, g: Element) -> Vec:
-        """The inverse of the Cayley map, the logarithm."""
-        return self.log(g)
 
     @property
     def by_adjoint(self) -> LieGroup:

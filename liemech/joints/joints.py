@@ -117,7 +117,9 @@ class Joint(Record):
         return tuple([i for i, turns in enumerate(each) if turns])
 
     def value(self, g: Mat, k: Mat) -> Vec:
-        """The conditions, (m,), of the poses g of the first and k of the second body."""
+        """The conditions, (m,), of the poses g of the first and k of the second body; (0,) without any."""
+        if self.conditions == 0:
+            return vec()
         raise NotDefined(f"{type(self).__name__} must define `value`")
 
     @derived
@@ -503,14 +505,6 @@ class FloatingJoint(Joint):
     at_first: Vec = ORIGIN
     at_second: Vec = ORIGIN
 
-    def value(self, g: Mat, k: Mat) -> Vec:
-        """The empty vector: there are no conditions."""
-        return vec()
-
-    def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
-        """The empty tuple: there are no conditions."""
-        return ()
-
     def coordinates(self, g: Mat, k: Mat) -> Vec:
         """The rotation vector, and the shift."""
         d = place(g, self.at_first) - place(k, self.at_second)
@@ -618,14 +612,6 @@ class Strut(Joint):
 
     at_first: Vec = ORIGIN
     at_second: Vec = ORIGIN
-
-    def value(self, g: Mat, k: Mat) -> Vec:
-        """The empty vector: there are no conditions."""
-        return vec()
-
-    def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
-        """The empty tuple: there are no conditions."""
-        return ()
 
     def coordinates(self, g: Mat, k: Mat) -> Vec:
         """The distance of the points."""

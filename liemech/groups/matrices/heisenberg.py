@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...formulas import Ambient, Element, Mat, Vec, dot, mat, record, vec
+from ..lie_group import CayleyByExponential
 from .matrix_algebra import MatrixLieAlgebra
 from .matrix_group import MatrixLieGroup, named_by_size, whole_number
 
@@ -49,7 +50,7 @@ class HeisenbergAlgebra(MatrixLieAlgebra):
 
 
 @record
-class Heisenberg(MatrixLieGroup):
+class Heisenberg(CayleyByExponential, MatrixLieGroup):
     """H_2n+1, the matrices [[1, q, z], [0, 1, p], [0, 0, 1]] with a row q and a column p of n
     numbers, and a number z.
 
@@ -131,18 +132,6 @@ class Heisenberg(MatrixLieGroup):
     def nearest(self, g: Ambient) -> Element:
         """The element of least |h - g|: that with the same q, p and z."""
         return self._element(*self._parts(g))
-
-    def cayley(self, xi: Vec) -> Element:
-        """The Cayley map, which is the exponential one."""
-        return self.exp(xi)
-
-    def compose_cayley(self, g: Element, xi: Vec) -> Element:
-        """The product g cayley(xi)."""
-        return self.compose_exp(g, xi)
-
-    def cayley_inv(self, g: Element) -> Vec:
-        """The inverse of the Cayley map, the logarithm."""
-        return self.log(g)
 
     # ---------------------------------------------------------------- parts
 

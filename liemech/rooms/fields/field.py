@@ -85,13 +85,11 @@ class Field(FieldInCells):
 
     def held(self) -> tuple[list[int], list[int]]:
         """The nodes at ends that are held; none turns where it is."""
-        ends = () if self.closed else zip((0, self.cells), self.ends)
-        return [node for node, end in ends if end == "held"], []
+        return [node for node, end in zip((0, self.cells), self.ends) if end == "held"], []
 
     def others(self) -> tuple[list[Any], Any]:
         """Terms of the potentials that act on nodes, and the load."""
-        ends = () if self.closed else zip(self.ends, np.eye(self.nodes)[[0, -1]])
-        parts = [*((energy, self.parts) for energy in self.acting), *ends]
+        parts = [*((energy, self.parts) for energy in self.acting), *zip(self.ends, np.eye(self.nodes)[[0, -1]])]
         of_nodes: Any = each
         potentials = [PerSite(PartOfPotential(V, of_nodes(w))) for V, w in parts if isinstance(V, Potential)]
         forces = [PerSite(PartOfForce(F, of_nodes(w))) for F, w in parts if isinstance(F, Force)]
