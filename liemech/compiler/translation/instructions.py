@@ -78,7 +78,9 @@ class Builder(ir.IRBuilder):
 
     @contextlib.contextmanager
     def inside(self, function: ir.Function, copied: bool) -> Iterator[None]:
-        """Put instructions into another native function; one that LLVM copies counts as written out."""
+        """Put instructions into another native function; one that LLVM copies counts as written out, within the limits
+        of the formulas around.
+        """
         block, outer, room = self.block, self.emitted, self.room
         if not copied:
             self.finished, self.emitted, self.room = self.finished + outer, 0, math.inf
@@ -90,9 +92,9 @@ class Builder(ir.IRBuilder):
             raise
         finally:
             self.within.pop()
-            self.room = room
             if not copied:
                 self.finished -= outer
+                self.room = room
             self.emitted = outer
             self.position_at_end(block)
 
