@@ -13,6 +13,7 @@ from terms_of_spins import Exchange, Zeeman
 import liemech as lm
 from liemech.compiler import kernel
 from liemech.errors import IncompatibleSystem, InvalidInput, NotFinite
+from liemech.rooms.sites.runs import execution
 from liemech.rooms.sites.runs import run as run_of_sites
 from liemech.rooms.sites.runs import samples
 from liemech.systems.lie_poisson import BodyState
@@ -263,6 +264,20 @@ def test_stepper(method: Any) -> None:
     again = plan.stepper(plan.run(plan.system.state(mu=directions()), steps=10))
     again.step(20)
     assert np.array_equal(again.mu, run.mu[3])
+
+
+@native
+def test_a_loop_of_single_steps_becomes_native(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each call is too short to be worth native code, all of them are not."""
+    monkeypatch.setattr(execution, "WORTH", 10**6)
+    for name in ("known", "stored"):
+        monkeypatch.setattr(kernel, name, lambda *call, lanes: None)
+    for seconds in (1e9, 1e-9):
+        monkeypatch.setattr(execution, "WAIT", seconds)
+        body = lm.Plan(spins(), lm.RKMK(order=4), h=0.05).stepper(spins().state(mu=directions()))
+        for _ in range(3):
+            body.step()
+        assert body._here.compiled is (seconds < 1.0)
 
 
 def test_stepper_before_a_step_that_fails() -> None:

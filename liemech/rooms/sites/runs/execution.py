@@ -14,6 +14,9 @@ from ....simulation.compiled.execution import Execution, like
 WORTH = 100
 """Steps of single sites that are worth native code: one takes plain Python some milliseconds."""
 
+WAIT = 1.0
+"""Seconds of plain Python after which native code is made for calls of few steps, as of a control loop."""
+
 LONG = 50
 """Steps that an adaptive run is expected to take."""
 
@@ -23,7 +26,7 @@ MOST = 2**30
 
 class SiteExecution(Execution):
     """How runs execute one driver: in native code as soon as there is much to do, because plain
-    Python would take long to come to the end of a single step.
+    Python would take long to come to the end of a single step, or much was done in plain Python.
 
     most : sites that run side by side, at most.  idle : what nobody uses at present, by the number of sites and
     of workers.
@@ -40,7 +43,7 @@ class SiteExecution(Execution):
         native = self.native
         if native is None and self.asked is not False and kernel.available() is None:
             native = kernel.stored(*self.call, lanes=self.lanes)
-            if native is None and work >= WORTH:
+            if native is None and (work >= WORTH or self.history.seconds >= WAIT):
                 demanded = like(self, wanted=True)
                 demanded.compile()  # or the reason why not
                 native = demanded.native
@@ -90,5 +93,6 @@ class SiteExecution(Execution):
             if calls is not None:
                 calls(*arguments, *map(kernel.Shared, shared), *arrays, *[None][:asks])
                 return told(calls)
-            self.call[0](*arguments, *[x.reshape(-1) for x in (*shared, *arrays)], *[failures][:asks])
+            with self.plain():
+                self.call[0](*arguments, *[x.reshape(-1) for x in (*shared, *arrays)], *[failures][:asks])
             return None
