@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import re
 import struct
 import warnings
 from collections.abc import Callable, Iterator
@@ -87,8 +88,12 @@ def full_name(system: Any, name: str, caller: str) -> str:
         return str(matches[0])
     if matches:
         raise InvalidInput(f"{caller}: {name} may be {' or '.join(matches)}; give the longer name")
+    last, first_alike = name.rpartition(".")[2], {}  # type: str, dict[str, str]
+    for x in names:
+        first_alike.setdefault(re.sub(r"\d+", "0", x), x)
+    near = [x for x in names if x.rpartition(".")[2] == last] or [*first_alike.values()]
     raise InvalidInput(
-        f"{caller}: {name} is no parameter of {type(system).__name__} that has numbers; there are {', '.join(names)}"
+        f"{caller}: {name} is no parameter of {type(system).__name__} that has numbers; there are {', '.join(near)}"
     )
 
 
