@@ -334,6 +334,8 @@ class DrivenCotangentSystem(EnergyOnCotangent):
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 4.4 and chapter 13.
     """
 
+    driven: ClassVar[bool] = True
+
     def energy(self, t: float, mu: Vec, g: Element) -> float:
         """The energy H(t, g, mu), which a subclass writes.  mu : (dim,), g : an element."""
         raise undefined(self, "energy")

@@ -88,7 +88,7 @@ class MechanicalSystem(CotangentMotion):
     # ---------------------------------------------------------------- formulas
 
     @property
-    def driven(self) -> bool:
+    def driven(self) -> bool:  # type: ignore[override]
         """Whether the energy of the body changes with time."""
         return isinstance(self.body, DrivenLiePoissonSystem)
 

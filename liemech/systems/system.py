@@ -127,6 +127,7 @@ class System(Record):
     alternatives: ClassVar[str] = "RKMK accepts every system"
     small: ClassVar[int] = 12  # up to so many numbers many sites are written out, as one body
     bounded: ClassVar[bool] = False  # does it depend on its parameters which states there are?
+    driven: ClassVar[bool] = False  # does its energy change with time, `energy(t, ...)`?
     jointed: ClassVar[bool] = False  # are its sites bodies held together by joints?
     runs_in: ClassVar[str] = "rooms.sites.runs.plan:SitesOfPlan"  # of a site form: module and name of `runs_by_sites`
     noisy: ClassVar[bool] = False  # are there random numbers in its velocity?

@@ -154,10 +154,9 @@ def ended(run: Any) -> dict[str, np.ndarray]:
 
 def knows_time(system: Any) -> bool:
     """Whether the motion may depend on the time."""
-    driven = *DRIVEN, GroupEquation, HomogeneousEquation
     body = system.body if isinstance(system, BoundBody) else system
-    timed = getattr(body, "load", None) is not None or getattr(body, "driven", False)
-    return isinstance(system, driven) or timed
+    equation = isinstance(system, (GroupEquation, HomogeneousEquation))
+    return equation or body.driven or getattr(body, "load", None) is not None
 
 
 def components(rng: np.random.Generator, n: int, large: float) -> np.ndarray:

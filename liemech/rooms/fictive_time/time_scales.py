@@ -16,7 +16,6 @@ from ...formulas.classes.derived import derived
 from ...groups.retractions import Exponential
 from ...systems.canonical import CanonicalState, PhaseSpace
 from ...systems.cotangent import CotangentMotion
-from ...systems.in_time.driven import DrivenHamiltonianSystem
 from ...systems.lie_poisson import BodyState, LiePoissonMotion
 from ...systems.separable import SeparableSystem
 from ...systems.system import State, System, member
@@ -66,10 +65,10 @@ class TimeScale(Record):
         """d sigma/dt along the motion."""
         if not isinstance(state, CanonicalState):
             return derivative(lambda s: self.value_at(system, t + s, self._later(system, t, state, s)), 0.0)
-        v = _speed(system, t, state)
+        v = system.velocity(*_point(system, t, state))
         if self.positions:
             return derivative(lambda x: self.value(system, CanonicalState(x, x)), state.q, v)
-        f = _push(system, t, state)
+        f = system.force(*_point(system, t, state))
         if isinstance(system, ConstrainedSystem) and (self.parts is None or "p" in self.parts):
             f = f + system.constraint_force(state.q, state.p)
         return derivative(lambda s: self.value_at(system, t + s, CanonicalState(state.q + s * v, state.p + s * f)), 0.0)
@@ -149,18 +148,9 @@ class OfState(TimeScale):
         return f"sigma({', '.join(self.names)})"
 
 
-def _speed(system: Any, t: float, state: CanonicalState) -> Vec:
-    """q' of a canonical system, which may be driven."""
-    if isinstance(system, DrivenHamiltonianSystem):
-        return system.velocity(t, state.q, state.p)
-    return system.velocity(state.q, state.p)
-
-
-def _push(system: Any, t: float, state: CanonicalState) -> Vec:
-    """p' of a canonical system, which may be driven, without the forces of constraints."""
-    if isinstance(system, DrivenHamiltonianSystem):
-        return system.force(t, state.q, state.p)
-    return system.force(state.q, state.p)
+def _point(system: Any, t: float, state: CanonicalState) -> tuple[Any, ...]:
+    """The arguments of formulas of a canonical system, (q, p), or (t, q, p) of a driven one."""
+    return (t, state.q, state.p) if system.driven else (state.q, state.p)
 
 
 def time_scale(owner: str, sigma: Any) -> TimeScale:
@@ -216,7 +206,7 @@ class DistancePower(TimeScale):
 
     def growth(self, system: Any, t: float, state: Any) -> float:
         """power |q|^(power - 2) q.q'."""
-        return dot(self.slope(system, state.q), _speed(system, t, state))
+        return dot(self.slope(system, state.q), system.velocity(*_point(system, t, state)))
 
     def bound(self, system: System, start: State) -> TimeScale:
         """A canonical system, which may be driven."""

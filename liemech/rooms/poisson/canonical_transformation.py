@@ -182,12 +182,8 @@ class InNewVariables(DrivenHamiltonianSystem):
         """K = H + dG/dt.  q, p : (n,), the new variables."""
         change = self.transformation
         x, y = change.old(t, q, p)
-        before = (
-            self.original.energy(t, x, y)
-            if isinstance(self.original, DrivenHamiltonianSystem)
-            else self.original.energy(x, y)
-        )
-        return before + derivative(lambda s: change.generating(s, x, p), t)
+        before = (t, x, y) if self.original.driven else (x, y)
+        return self.original.energy(*before) + derivative(lambda s: change.generating(s, x, p), t)
 
     def velocity(self, t: float, q: Vec, p: Vec) -> Vec:
         """Q', (n,): what dG/dP changes along the motion.  q, p : (n,), the new variables."""
@@ -201,9 +197,8 @@ class InNewVariables(DrivenHamiltonianSystem):
         """Q' and P' of the motion of H, from p' = d/dt dG/dq and Q' = d/dt dG/dP."""
         change = self.transformation
         x, y = change.old(t, q, p)
-        driven = isinstance(self.original, DrivenHamiltonianSystem)
-        v = self.original.velocity(t, x, y) if driven else self.original.velocity(x, y)
-        f = self.original.force(t, x, y) if driven else self.original.force(x, y)
+        before = (t, x, y) if self.original.driven else (x, y)
+        v, f = self.original.velocity(*before), self.original.force(*before)
         mixed = jacobian(lambda z: change.of_positions(t, x, z), p)
         explicit_rate = derivative(lambda s: change.of_positions(t + s, x + s * v, p), 0.0)
         kick = solve(mixed, f - explicit_rate)

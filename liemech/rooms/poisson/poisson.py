@@ -139,6 +139,7 @@ class DrivenPoissonSystem(MotionOfPoints):
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.2.2 and VI.1.2.
     """
 
+    driven: ClassVar[bool] = True
     alternatives: ClassVar[str] = "PoissonHamiltonJacobi keeps its structure, RKMK accepts every system"
 
     structure: PoissonStructure

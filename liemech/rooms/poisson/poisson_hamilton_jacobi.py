@@ -37,7 +37,7 @@ from ...integrators.motion_series import begun, series, settle, values
 from ...integrators.orders import require_order
 from ...integrators.taylor import total
 from ...solvers import correction, fixed_point
-from .poisson import POISSON_SYSTEMS, DrivenPoissonSystem, PoissonState
+from .poisson import POISSON_SYSTEMS, PoissonState
 
 ORDERS = 2, 4, 6, 8
 """The orders of methods with one, two, three or four terms of the generating function."""
@@ -160,7 +160,7 @@ class PoissonHamiltonJacobi(Implicit):
 
 def gradient_of(system: Any) -> Any:
     """The gradient dH(t, y) of the energy of a Poisson system."""
-    if isinstance(system, DrivenPoissonSystem):
+    if system.driven:
         return lambda t, y: system.gradient(t, y)
     return lambda t, y: system.gradient(y)
 
@@ -179,7 +179,7 @@ def by_logarithms(system: Any, y: Vec) -> Any:
 
     def gradient_at(t: Any, u: Vec) -> Vec:
         y = start * vec(*[exp(c) for c in u])
-        return y * system.gradient(t, y) if isinstance(system, DrivenPoissonSystem) else system.logarithmic_gradient(y)
+        return y * system.gradient(t, y) if system.driven else system.logarithmic_gradient(y)
 
     return gradient_at
 

@@ -34,6 +34,7 @@ class DrivenHamiltonianSystem(PhaseSpace):
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VI.1.2 and VI.5.3.
     """
 
+    driven: ClassVar[bool] = True
     alternatives: ClassVar[str] = "HamiltonJacobi(order=4) keeps its symplectic form, RKMK accepts every system"
 
     def energy(self, t: float, q: Vec, p: Vec) -> float:
@@ -87,6 +88,7 @@ class DrivenLiePoissonSystem(LiePoissonMotion):
     Mechanics and Symmetry, 2nd ed., 13.7.
     """
 
+    driven: ClassVar[bool] = True
     alternatives: ClassVar[str] = (
         "LiePoissonHamiltonJacobi and FirstKindHamiltonJacobi serve it, RKMK accepts every system"
     )

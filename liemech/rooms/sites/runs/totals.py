@@ -84,9 +84,7 @@ def constants(system: Any, t: np.ndarray, states: dict[str, np.ndarray]) -> dict
     """The quantities that the motion keeps, by name: the energy, (n,), unless it changes with time, and on the dual of an
     algebra the Casimir functions of every site, (n, sites).
     """
-    time = inspect.signature(system.energy).parameters.get("t")
-    driven = time is not None and time.default is inspect.Parameter.empty
-    constants_of_motion = {} if driven else {"energy": energy(system, t, states)}
+    constants_of_motion = {} if system.driven else {"energy": energy(system, t, states)}
     if "mu" in states and hasattr(system, "casimirs"):
         for of_species, group, mu in _by_species(system.group, states["mu"]):
             each = np.asarray(group.casimirs(mu))
