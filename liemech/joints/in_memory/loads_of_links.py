@@ -29,6 +29,11 @@ LINEAR = 2.0**-50
 BENT = 2.0**-10
 """A change of the derivative of a load by the rate, relative, that leaves the equations as they are."""
 
+FINDING, KICKING, HOLDING, JUDGING = range(4)
+"""Phases of a kick by loads: the velocities to which it leads are looked for; loads act; impulses alone hold what the kick
+has moved; pivots say whether it throws back.
+"""
+
 AT_LOADS = 50
 """Corrections of the velocities that loads depend on, at the end of a step."""
 
@@ -41,65 +46,63 @@ def loads(
 ) -> None:
     """In turn 1 loads at the start of a step, which go to the field; in turn 2 the kick by them at its end.
 
-    That is Newton's method for the rates of joints, with the impulses that take away what leads off the constraint;
-    while loads bend no more than before, with their derivative as it was.  Loads on bodies ask for the velocities of
-    these as well, and for impulses once more at the end, without loads (k = 0).
+    Newton's method finds the rates of joints, and for loads on bodies the velocities of these, to which the kick leads,
+    with the impulses that take away what leads off the constraint; while loads bend no more than before, with their
+    derivative as it was.  The phases are one loop, so that native code has the formulas of loads once.
 
     kicks : are the loads of turn 1 those of an explicit kick?  A step in which it throws back is refused, as
     by `LieRATTLE`: first by how strong the loads are beside bodies that no joint holds, then by the pivots of the
     matrix of Newton's method, with the damping of the kick in it.  A step back asks at its end.
     """
-    equations = work.equations.fields
-    t, k = (t + h, 0.5 * h) if turn == 2 else (t, 1.0)
+    equations, judged = work.equations.fields, kicks and (system.freedoms > 0 or system.pushed)
+    phase, t, k = (FINDING, t + h, 0.5 * h) if turn == 2 else (KICKING, t, 1.0)
+    corrections, rate_change, rate_scale, load_change, load_scale = 0, 1.0, 0.0, 0.0, 0.0
     each(sites, velocities_here, system, old, work)
     if system.freedoms > 0:
         each(sites, rates_here, system, work, equations)
-    corrections, last, rate_change, rate_scale, load_change, load_scale = 0, turn == 1, 1.0, 0.0, 0.0, 0.0
-    pivots, kicks = 0.0, kicks and (system.freedoms > 0 or system.pushed)  # 1 to count pivots
     while True:
-        if pivots > 0.0:
+        if phase == JUDGING:
             damped_kick(system, t, h, sites, old, work)
             corrections = 0
         else:
-            kicks_by_loads(system, t, k, corrections, last, sites, old, work, equations)
-            if last:
-                each(sites, loaded_body, system, float(turn), old, new, work)
-                if turn == 2:
-                    k, last = 0.0, False
-                    continue
-                if not kicks or h < 0.0 or spares(system, h, sites, work, equations):
-                    break
-                pivots = 1.0
+            kicks_by_loads(system, t, k, corrections, phase == KICKING, sites, old, work, equations)
+        if phase == KICKING:
+            each(sites, loaded_body, system, float(turn), old, new, work)
+            if turn == 2:
+                phase, k = HOLDING, 0.0
                 continue
+            if not judged or h < 0.0 or spares(system, h, sites, work, equations):
+                break
+            phase = JUDGING
+            continue
+        if phase != JUDGING:
             require_turns(corrections, work)
             each(sites, loaded_velocity, system, old, work)
-        negative = newton_matrix(system, corrections, pivots, sites, work, equations)
-        if pivots > 0.0:
+        negative = newton_matrix(system, corrections, where(phase == JUDGING, 1.0, 0.0), sites, work, equations)
+        if phase == JUDGING:
             require_gentle(system, h, negative, work)
             break
         solved(system, equations)
         each(sites, wrench_of_corrections, system, work, equations)
         scattered(system, work)
-        if k == 0.0 and not (kicks and h < 0.0):
-            break
-        if k == 0.0:
-            pivots = 1.0
-            continue
-        rate_change, rate_scale, falls, last = corrected_rates(system, rate_change, rate_scale, work, equations)
-        corrections = corrections + 1
-        if system.pushed:
-            load_change, load_scale, settled = corrected_velocities(
-                system, corrections, load_change, load_scale, sites, work
-            )
-            last = last and settled
-        elif last:
-            if system.freedoms > 0:
-                each(sites, kicked_by_loads, old, work)
-            if not kicks or h > 0.0:
+        last = phase == HOLDING
+        if phase == FINDING:
+            rate_change, rate_scale, falls, last = corrected_rates(system, rate_change, rate_scale, work, equations)
+            corrections = corrections + 1
+            if system.pushed:
+                load_change, load_scale, settled = corrected_velocities(
+                    system, corrections, load_change, load_scale, sites, work
+                )
+                phase, last = KICKING if last and settled else FINDING, False
+            elif last:
+                if system.freedoms > 0:
+                    each(sites, kicked_by_loads, old, work)
+            elif corrections > CUT:
+                cut_short(system, t, k, falls, sites, old, work, equations)
+        if last:
+            if not judged or h > 0.0:
                 break
-            pivots = 1.0
-        elif corrections > CUT:
-            cut_short(system, t, k, falls, sites, old, work, equations)
+            phase = JUDGING
 
 
 def kicks_by_loads(
