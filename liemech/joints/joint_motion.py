@@ -244,14 +244,22 @@ class LinkMotion:
 
 
 def work_of(run: Any, power: np.ndarray) -> np.ndarray:
-    """The work of a power from the first sample on, by a cubic spline."""
+    """The work of a power from the first sample on; in an ensemble whose bodies have times of their own, of each by these."""
+    if run.t.ndim == 2:
+        return np.stack([_integral(t, p) for t, p in zip(run.t.T, power.T)], axis=-1)
+    return _integral(run.t, power)
+
+
+def _integral(t: np.ndarray, power: np.ndarray) -> np.ndarray:
+    """The integral of a power from the first time on, by a cubic spline from jump to jump, where times repeat."""
     from scipy.interpolate import CubicSpline
 
-    if len(run) < 4:
-        change = 0.5 * (power[1:] + power[:-1]).T * np.diff(run.t)
-        sums = np.cumsum(change.T, axis=0)
-        return np.concatenate([np.zeros((1, *power.shape[1:])), sums])
-    if run.t[-1] < run.t[0]:  # a run backwards in time
-        spline = CubicSpline(run.t[::-1], power[::-1]).antiderivative()
-        return np.asarray(spline(run.t) - spline(run.t[0]))
-    return np.asarray(CubicSpline(run.t, power).antiderivative()(run.t))
+    work, jumps = np.zeros_like(power), np.flatnonzero(np.diff(t) == 0.0) + 1
+    for begin, end in zip([0, *jumps], [*jumps, len(t)]):
+        if begin > 0:
+            work[begin:end] = work[begin - 1]
+        if end - begin > 1:
+            way = 1 if t[end - 1] > t[begin] else -1
+            integral = CubicSpline(t[begin:end][::way], power[begin:end][::way]).antiderivative()
+            work[begin:end] += integral(t[begin:end]) - integral(t[begin])
+    return work

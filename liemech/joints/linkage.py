@@ -29,7 +29,17 @@ from ..systems.potential import Potential
 from .body_forces import of_bodies
 from .given_motion import MovedJoint, MovingSupport, moved, require_motion
 from .in_memory.links import LinkedBodies
-from .joint_forces import AtJoint, JointForce, JointPotential, LinkageForce, LinkagePotential, acting, rates_of
+from .joint_forces import (
+    AtJoint,
+    JointForce,
+    JointPotential,
+    Limited,
+    LinkageForce,
+    LinkagePotential,
+    Stops,
+    acting,
+    rates_of,
+)
 from .joint_motion import JointAngle, JointMotion, LinkMotion
 from .joints import BallJoint, Joint, Joints, Mimic, RevoluteJoint, WithRotors, both
 from .link import Frame, Link, LinkShape
@@ -403,6 +413,7 @@ class Linkage(ConstrainedBody):
                     f"a {type(joint).__name__} has {joint.freedoms}, numbered from 0"
                 )
             _require_of_place(force)
+            _require_angles_told_apart(force, joint, self.label(number))
             kinds[not self._has_potential(force)].setdefault(number, []).append(force)
         springs, others = (tuple(AtJoint(self.joints[j], tuple(kind[j])) for j in sorted(kind)) for kind in kinds)
         return springs, others
@@ -894,6 +905,22 @@ def _require_of_place(force: Any) -> None:
                 f"Linkage: {name}.effort may depend on more than the place, and is -dV/dq: leave it out, and it follows from "
                 f"{name}.energy; what depends on time or rate is a JointForce of its own"
             )
+
+
+def _require_angles_told_apart(force: Any, joint: Any, label: str) -> None:
+    """Raise InvalidInput for stops that angles, seen within a turn, never reach, and for a potential of a rotation vector that
+    is limited: limits are of torques along motions, which are not its slopes.
+    """
+    if isinstance(force, Stops) and force.high - force.low >= 2.0 * np.pi and {*acting(force, joint)} & {*joint.angles}:
+        raise InvalidInput(
+            f"Linkage: {force!r} at {label}: its limits are a whole turn and more apart, and poses do not tell how often a "
+            "joint has turned; leave it out"
+        )
+    if isinstance(force, Limited) and isinstance(force.given, JointPotential) and joint.rotation_vector:
+        raise InvalidInput(
+            f"Linkage: {force!r} at {label}, a {type(joint).__name__}: the torque of a {type(force.given).__name__} is no "
+            "function of one coordinate there; a controller in its place is a JointForce with an effort"
+        )
 
 
 def _follows(joint: Any) -> bool:

@@ -14,6 +14,7 @@ from shipped import A, B
 
 import liemech as lm
 from liemech.joints import (
+    BallJoint,
     Damper,
     DryFriction,
     JointForce,
@@ -203,6 +204,20 @@ def test_angles_go_on_over_several_turns_in_long_steps() -> None:
     assert np.allclose(moved.energy, moved.joint("shaft").work, rtol=1e-12)
 
 
+@pytest.mark.parametrize("bodies", [1, 2])
+def test_work_goes_on_behind_a_jump(bodies: int) -> None:
+    """A disk that is driven by 0.8 N m, and whose rate is doubled at 0.1 rad: work = torque times angle, of two disks too."""
+    disk = Linkage([Link(1.0, [0.1, 0.1, 0.2])], [RevoluteJoint(0, None, name="shaft")], 0.0, [Constant("shaft", 0.8)])
+    kick = lm.Jump(disk.angle("shaft", 0.1), lambda t, state: disk.state(mu=2.0 * np.array(state.mu), g=state.g))
+    start = disk.state(angles={"shaft": 0.0}, rates={"shaft": 0.3})
+    if bodies > 1:
+        start = disk.state(mu=np.outer([1.0, 2.0], start.mu), g=np.tile(start.g, (2, 1)))
+    moved = lm.integrate(disk, lm.LieRATTLE(), start, h=0.02, steps=20, events=kick, compiled=False)
+    shaft = moved.joint("shaft")
+    assert shaft.angle[-1].min() > 0.2 and (np.diff(moved.t, axis=0) == 0.0).any()
+    assert shaft.work == pytest.approx(0.8 * shaft.angle, rel=1e-9, abs=1e-15)
+
+
 def test_a_joint_carries_what_hangs_on_it() -> None:
     still = lm.joints.chain(3, mass=0.5, length=0.4, axis=TURN)
     moved = run(still, lm.LieRATTLE(), still.state(angles={}), 0.1, 2)
@@ -389,6 +404,12 @@ def test_what_does_not_fit_a_joint_is_refused() -> None:
         Linkage(links, joints * 2)
     with pytest.raises(lm.errors.InvalidInput, match="low must be below high"):
         Stops("door", 1.0, 0.5, 1.0)
+    with pytest.raises(lm.errors.InvalidInput, match="at joint 'door': its limits are a whole turn and more apart"):
+        Linkage(links, joints, forces=[Stops("door", -4.0, 4.0, 1.0)])
+    with pytest.raises(
+        lm.errors.InvalidInput, match="a BallJoint: the torque of a Spring is no function of one coordinate"
+    ):
+        Linkage(links, [BallJoint(0, None)], forces=[Limited(0, Spring(0, 1.0), 1.0)])
     with pytest.raises(lm.errors.InvalidInput, match="speed must be positive"):
         DryFriction("door", 1.0, 0.0)
     with pytest.raises(lm.errors.InvalidInput, match="torque is a number or a PiecewisePolynomial"):
