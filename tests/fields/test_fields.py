@@ -438,6 +438,7 @@ def test_what_is_wrong_is_said(make, says):
         (lambda: string(3, acting=Weight()), "acting must be a tuple"),
         (lambda: string(3, ends="held"), "ends must be a tuple"),
         (lambda: string(3, closed="no"), "closed must be True or False"),
+        (lambda: type("Mixed", (lm.FieldDensity,), {"value": lambda self, eta, xi: 0.0})(ONE, ONE), "replaces .*value"),
     ],
 )  # fmt: skip
 def test_what_is_no_field_is_said(make, says):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import field
-from typing import Any
+from typing import Any, final
 
 import numpy as np
 
@@ -87,6 +87,7 @@ class FieldDensity(Record):
                 f"that marches in space; got {self.kinetic!r}"
             )
 
+    @final
     def value(self, eta: Vec, xi: Vec) -> float:
         """l(eta, xi) = T(xi) - Phi(eta).  eta, xi : (dim,)."""
         return self.kinetic.value(xi) - self.stored.value(eta)
