@@ -21,7 +21,7 @@ from ..formulas.vectors import small
 from ..systems.system import State
 from .between.dense import evaluated, flat, observe
 from .reports.drift import RECORDED
-from .trajectory import Trajectory
+from .trajectory import Trajectory, part_with_sites
 
 COMPUTED = *RECORDED, "multipliers"
 """Quantities that a run computes from its samples, unless they were kept."""
@@ -59,22 +59,21 @@ class Recorder:
 
     def of_chosen(self, system: Any, name: str, array: np.ndarray) -> np.ndarray:
         """A part of the states at the chosen sites, (n, sites, ...), from that of all."""
-        by_site = system.by_site({name: array})[name]
-        if by_site.ndim == 2:
-            group = getattr(system, "configurations", system.group)
-            by_site = group._out_of_rows(by_site, "Element" if name == "g" else "Vec")
-        chosen: np.ndarray = by_site[:, [*self.chosen[name]]]
+        of_sites = system.by_site({name: array})[name]
+        chosen: np.ndarray = part_with_sites(system, name, of_sites)[:, [*self.chosen[name]]]
         return chosen
 
-    def needed(self, system: Any, start: Any) -> tuple[str, ...] | None:
-        """The parts of the state that a run must have: for a function of the state all that there are."""
+    def needed(self, whole: Any, system: Any, start: Any) -> tuple[str, ...] | None:
+        """The parts of the state that a run must have: for a function of the state all that there are.
+        whole : the system, whose methods are recorded; system : of what moves, itself or one site.
+        """
         if not isinstance(start, State):
             return None
         if not all(isinstance(q, str) for q in self.quantities.values()):
             return tuple(dict.fromkeys([*start.arrays, *self.parts, *self.chosen]))
         names = [name for name, x in system.essential_part(start).parts.items() if x is not None]
         for quantity in self.quantities.values():
-            formula = getattr(system, str(quantity))
+            formula = getattr(whole, str(quantity))
             parts = [name for name in inspect.signature(formula).parameters if name != "t"]
             if not set(parts) <= set(start.parts):
                 raise InvalidInput(
@@ -114,14 +113,13 @@ class Recorder:
     ) -> dict[str, np.ndarray]:
         values = {name: states[name] for name in self.parts}
         each = run.bodies and t.ndim == 1  # of an ensemble, whose bodies share the times
-        inputs = {"t": np.broadcast_to(t[:, None], (len(t), run.bodies)) if each else t, **states}
+        users = {name: part_with_sites(run.system, name, x, 2 + bool(run.bodies)) for name, x in states.items()}
+        inputs = {"t": np.broadcast_to(t[:, None], (len(t), run.bodies)) if each else t, **users}
         for name in self.chosen:
             values[name] = self.of_chosen(run.system, name, states[name])
         for name, quantity in self.quantities.items():
             if isinstance(quantity, str):
-                formula = getattr(run.system, quantity)
-                parts = inspect.signature(formula).parameters
-                values[name] = np.asarray(formula(*(inputs[part] for part in parts)))
+                values[name] = of_method(run.system, quantity, inputs)
             elif len(t):
                 values[name] = self._of_function(name, quantity, kind, t, states, run.bodies, compiled)
             else:
@@ -161,6 +159,12 @@ class Recorder:
                 f"liemech.mat(...); got {result!r}"
             )
         return result
+
+
+def of_method(system: Any, name: str, inputs: dict[str, Any]) -> np.ndarray:
+    """The values of a method of the system, of the parts of states that it asks for."""
+    formula = getattr(system, name)
+    return np.asarray(formula(*(inputs[part] for part in inspect.signature(formula).parameters)))
 
 
 # ------------------------------------------------------------------ what a user asks for

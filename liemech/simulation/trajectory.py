@@ -147,10 +147,9 @@ class Trajectory:
 
     def _by_site(self, name: str, array: np.ndarray) -> np.ndarray:
         """A part of the state with an axis of sites, if there are such."""
-        if name in self.observed or array.ndim != 2 + (self.bodies is not None):
-            return array
-        group = getattr(self.system, "configurations", self.system.group)
-        return group._out_of_rows(array, "Element" if name == "g" else "Vec")
+        return (
+            array if name in self.observed else part_with_sites(self.system, name, array, 2 + (self.bodies is not None))
+        )
 
     @property
     def _laws(self) -> Any:
@@ -694,6 +693,12 @@ class TangentTrajectory(Trajectory):
     @property
     def _compared(self) -> dict[str, Any]:
         return super()._compared | {"tangent": self.tangent, "tau": self.tau}
+
+
+def part_with_sites(system: Any, name: str, array: np.ndarray, flat: int = 2) -> Any:
+    """A part of states with an axis of sites, if there are such.  flat : the number of its axes without one."""
+    group = getattr(system, "configurations", system.group)
+    return group._out_of_rows(array, "Element" if name == "g" else "Vec") if array.ndim == flat else array
 
 
 def _both(first: np.ndarray, second: np.ndarray, bodies: int | None) -> np.ndarray:

@@ -198,6 +198,19 @@ def test_functions_of_all_sites() -> None:
     assert caught.value.trajectory.failing.shape == (2,)
 
 
+@pytest.mark.parametrize("n", [3, 101])
+def test_methods_of_the_system_are_recorded_of_all_sites(n: int, tmp_path: Path) -> None:
+    """By their names, written out or site by site, at every sample: sums over the sites were kept of many."""
+    start, way = spins(n).state(mu=directions(n)), {"h": 0.05, "steps": 2, "compiled": False}
+    run = lm.integrate(spins(n), lm.RKMK(order=1), start, record=["mu", "velocity", "casimirs", "energy"], **way)
+    neighbours = np.roll(run.mu, 1, axis=1) + np.roll(run.mu, -1, axis=1)
+    assert np.allclose(run.velocity, -neighbours - [0.0, 0.0, 0.1], rtol=1e-14)
+    assert np.allclose(run.casimirs, (run.mu**2).sum(axis=-1), rtol=1e-14)
+    assert np.allclose(run.energy, (run.velocity * run.mu).sum(axis=(1, 2)) / 2 - 0.05 * run.mu[..., 2].sum(axis=1))
+    run.save(tmp_path / "run.npz")
+    assert np.array_equal(lm.Trajectory.load(tmp_path / "run.npz").velocity, run.velocity)
+
+
 def test_what_large_systems_do_not_have() -> None:
     system = spins(200)
     start = system.state(mu=directions(200))

@@ -63,4 +63,4 @@ def kind_of_many(start: Any) -> Any:
 
 def needed(plan: Any, system: Any, start: Any) -> Any:
     """The parts of the state that the run needs, if not all."""
-    return plan.recorder.needed(system, start) if plan.recorder else plan.record
+    return plan.recorder.needed(plan._inner, system, start) if plan.recorder else plan.record

@@ -138,14 +138,18 @@ class SitesOfPlan:
 
     @functools.cached_property
     def summed(self) -> dict[str, Any]:
-        """Recorded sums over all sites, by name."""
+        """Recorded sums over all sites, by name: the energy, and functions of one site."""
         return {name: x for name, x in self.quantities.items() if name not in self.of_all}
 
     @functools.cached_property
-    def of_all(self) -> dict[str, Callable[..., Any]]:
-        """Recorded functions of the state of all sites together, by name; those of linkages are found at the end."""
-        quantities = {} if self.site.jointed else self.quantities
-        return {name: x for name, of, x in self.functions if of not in OF_SITES and name in quantities}
+    def of_all(self) -> dict[str, str | Callable[..., Any]]:
+        """Recorded functions of the state of all sites together, and methods of the system but its energy, by name; those
+        of linkages are found at the end.
+        """
+        if self.site.jointed:
+            return {}
+        of_sites = {name for name, of, _ in self.functions if of in OF_SITES}
+        return {name: x for name, x in self.quantities.items() if name not in of_sites and x != "energy"}
 
     @functools.cached_property
     def of_totals(self) -> bool:

@@ -16,6 +16,7 @@ from ....formulas.sites import SiteArray, SiteTable, one_site, padded, rows_of
 from ....simulation import arguments
 from ....simulation.between.dense import unpacked
 from ....simulation.compiled.control import FRESH, GOAL, LAST_TIME, LIMIT, MARK, REJECTED, STEP, TAKEN, TIME
+from ....simulation.recorded import of_method
 from ....simulation.runs.carry import SiteCarry
 from ....simulation.runs.course import Course
 from ....simulation.runs.equal import affordable, at_steps
@@ -443,10 +444,14 @@ class SiteRun(Course):
         """
         for k, numbers in enumerate(rows):
             t = self.samples.asked.item(first + k)
-            state = self.state_of_all(numbers)
+            seen = as_users_see(self.plan._one, state_of_rows(self.shape.state, numbers))
+            state = self.plan._one._written_out(seen)
             for name, function in self.plan._sites.of_all.items():
                 try:
-                    value = np.asarray(function(t, state), dtype=float)
+                    if isinstance(function, str):
+                        value = of_method(self.plan._one, function, {"t": t, **seen.arrays})
+                    else:
+                        value = np.asarray(function(t, state), dtype=float)
                 except Exception as error:
                     self.samples.made = first + k
                     raise ended(self, error, f"in {name}(t, state) at t = {t:g}") from None
