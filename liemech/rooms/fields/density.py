@@ -62,7 +62,7 @@ class StrainEnergy(Hamiltonian, Lagrangian):
         return self.stiffness
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        return (len(self.rest),) if kind == "Vec" else None
+        return (len(self.rest),) if kind == "Vec" and not isinstance(self.rest, OfEach) else None
 
 
 @record
