@@ -78,7 +78,7 @@ def checked(where: str, group: LieGroup, g: Any, covariance: Any, side: str) -> 
     covariance : (dim, dim), or (dim,) standard deviations.  Raises InvalidInput.
     """
     check_side(where, side)
-    element = real_array(g, f"{where}: g")
+    element = real_array(g, f"{where}: g", group.is_complex)
     shape = group.element_shape
     lead = element.shape[: element.ndim - len(shape)]
     if element.shape != lead + shape:

@@ -31,6 +31,9 @@ class OfBeliefs(Record):
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
         return (self.group.dim, self.group.dim) if argument == "covariance" else super()._shape(argument, kind)
 
+    def _complex(self, kind: str) -> bool:
+        return kind != "Mat" and super()._complex(kind)  # matrices are covariances
+
 
 @record
 class Correction(OfBeliefs):

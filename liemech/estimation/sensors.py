@@ -64,6 +64,10 @@ class Sensor(Record):
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
         return self.value_shape if argument == "z" else self.group._shape(argument, kind)
 
+    def _complex(self, kind: str) -> bool:
+        group = self.elements if kind == "Ambient" else self.group
+        return group is not None and group._complex(kind)
+
     def _objection(self, argument: str, value: Any) -> str | None:
         return None if argument == "z" else self.group._objection(argument, value)
 
@@ -72,7 +76,7 @@ def require_elements(where: str, sensor: Sensor, z: Any) -> None:
     """Refuse measurements that are to be elements of a group and are none.  z : (..., m).  Raises InvalidInput."""
     group = sensor.elements
     if group is not None and not np.all(group.contains(z)):
-        array = real_array(z, where).reshape(-1, *group.element_shape)
+        array = real_array(z, where, group.is_complex).reshape(-1, *group.element_shape)
         raise InvalidInput(f"{where} is not in {group!r}: {next(filter(None, map(group.objection, array)), None)}")
 
 

@@ -102,6 +102,11 @@ class Prior(Sensor):
         """The shape of an element of the group."""
         return self.group.element_shape
 
+    @property
+    def elements(self) -> LieGroup:
+        """The group of the truth."""
+        return self.group
+
 
 @record
 class Mover(Record):
@@ -180,7 +185,7 @@ def smooth(
     if prior is not None:
         sights = [believed("smooth", group, side, prior), *sights]
     if initial is not None:
-        path = real_array(initial, "smooth: initial")
+        path = real_array(initial, "smooth: initial", group.is_complex)
         if path.shape != (n + 1, *group.element_shape):
             raise InvalidInput(f"smooth: initial has shape {path.shape}; it must be {(n + 1, *group.element_shape)}")
     elif prior is None:
@@ -228,7 +233,7 @@ def smooth(
 
 def led(process: Process, g: Any, u: np.ndarray, h: np.ndarray) -> np.ndarray:
     """The path along which a process leads from an element without noise, (n + 1, ...)."""
-    path = [np.asarray(g, dtype=float)]
+    path = [np.asarray(g)]
     for k in range(len(u)):
         path.append(process.led(path[-1], u[k], float(h[k])))
     return np.array(path)
@@ -258,7 +263,7 @@ def observed(
     if not whole or at.min(initial=0) < 0 or (n is not None and at.max(initial=0) > n):
         most = "on" if n is None else f"to {n}"
         raise InvalidInput(f"{where}: times are whole numbers from 0 {most}; got {steps!r}")
-    values = real_array(z, f"{where}: values")
+    values = real_array(z, f"{where}: values", sensor._complex("Ambient"))
     if values.shape != (len(at), *sensor.value_shape):
         raise InvalidInput(f"{where}: values have shape {values.shape}; they must be {(len(at), *sensor.value_shape)}")
     require_elements(f"{where}: values", sensor, values)

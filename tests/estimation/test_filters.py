@@ -724,3 +724,28 @@ def test_a_belief_made_by_hand_is_looked_at(kind, covariance, said):
     deviations = es.Belief(group, np.eye(3), np.array([0.1, 0.2, 0.3]))
     known = f.belief(np.eye(3), [0.1, 0.2, 0.3])
     assert np.array_equal(f.update(deviations, sensor, z).covariance, f.update(known, sensor, z).covariance)
+
+
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("kind", [es.ErrorStateFilter, es.UnscentedFilter])
+def test_a_group_of_complex_matrices_is_filtered_as_the_real_one_that_it_covers(kind, side):
+    """SU(2) refused its own elements.  Its rates are half of those of SO(3), in other axes: xi -> M xi keeps brackets."""
+    M = -2.0 * np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    rates = np.random.default_rng(3).normal(size=(4, 3)) @ M.T / 2.0
+    of_groups = []
+    for group, J in ((lm.SU(2), np.linalg.inv(M)), (lm.SO3(), np.eye(3))):
+        unit = np.abs(J[2, 2])
+        process, star = es.Turning(group, [0.01 * unit] * 3), es.Place(group, [0.03 * unit] * 3)
+        f = kind(process, side=side, reset=True)
+        prior = belief = f.belief(group.identity(), [0.1 * unit] * 3)
+        truth = group.exp(np.cumsum(0.1 * rates, axis=0) @ J.T)
+        for u, z in zip(rates @ J.T, truth):
+            belief = f.update(f.predict(belief, u, 0.1), star, z)
+        of_groups.append((np.asarray(group.log(belief.g)), belief.covariance, belief.nis))
+        path = es.smooth(process, prior, rates @ J.T, 0.1, [(star, [1, 4], truth[[0, 3]])])
+        of_groups[-1] += np.asarray(group.log(path.g)), path.covariance, path.chi2
+    small, turning = of_groups
+    for k, rtol in ((0, 1e-9), (3, 1e-7)):  # the smoothed path as far as it is iterated
+        assert np.allclose(small[k] @ M.T, turning[k], rtol=rtol, atol=rtol * np.abs(turning[k]).max())
+        assert np.allclose(M @ small[k + 1] @ M.T, turning[k + 1], rtol=rtol, atol=rtol * turning[k + 1].max())
+        assert np.isclose(small[k + 2], turning[k + 2], rtol=rtol)
