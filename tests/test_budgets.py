@@ -18,7 +18,7 @@ BUDGETS = {
     "command_line": (1_790, 10_000),
     "compiler": (12_680, 74_300),
     "estimation": (1_930, 9_400),
-    "formulas": (10_280, 53_150),
+    "formulas": (10_300, 53_300),
     "groups": (10_230, 54_850),
     "integrators": (5_150, 27_000),
     "joints": (7_220, 43_750),

@@ -13,6 +13,7 @@ from compiler.worlds import same_in_all_worlds
 
 from liemech import formulas as f
 from liemech.formulas import derivative, functions, vec
+from liemech.formulas.numbers.series import Series
 
 NAMES = [*functions.INSTRUCTIONS, *[g.__name__ for g in functions.LIBM], "fabs", "radians", "degrees"]
 OF_TWO = "copysign", "atan2", "pow"
@@ -42,6 +43,24 @@ def test_lengths() -> None:
     assert f.hypot(3.0, 4.0) == 5.0
     assert f.hypot(1.0, 2.0, 2.0) == 3.0
     assert derivative(lambda x: f.hypot(x, 4.0), 3.0) == 0.6
+
+
+@pytest.mark.parametrize(
+    ("name", "places"),
+    [("tanh", (1e-9, 0.9, 5.0, 12.0, -18.0, 300.0)), ("asin", (1.0 - 1e-6, 1e-10 - 1.0)), ("acos", (1.0 - 1e-6,)),
+     ("expm1", (1e-9, -12.0, -100.0))],
+)  # fmt: skip
+def test_derivatives_where_one_less_the_square_is_rounding(name: str, places: tuple[float, ...]) -> None:
+    """To relative rounding, as those of powers of y = tanh x near y = 1 were 3e-7 off at 12, and zero at 20."""
+    mpmath = pytest.importorskip("mpmath")
+    function = getattr(f, name)
+    for x in places:
+        with mpmath.workdps(300):
+            exact = [float(c) for c in mpmath.taylor(getattr(mpmath, name), mpmath.mpf(x), 4)]
+        second = derivative(lambda y: derivative(function, y), x)
+        series = function(Series(x, 1.0))
+        assert [derivative(function, x), second / 2.0] == pytest.approx(exact[1:3], rel=1e-13, abs=0.0)
+        assert [series[k] for k in range(1, 5)] == pytest.approx(exact[1:], rel=1e-13, abs=0.0)
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -25,7 +25,7 @@ from ..classes.records import fields_of, fill
 from ..classes.taken_back import noted
 from ..vectors import Vec, vec
 from .bases import INTEGER_POWER, ONLY_THERE, CarriesMore, InMemory, Operand, Pair, StandIn, raise_if, whole_power
-from .dual import OVER, TIMES
+from .dual import OVER, TIMES, rise_of_tanh
 from .products import Products, cauchy, plus
 
 
@@ -558,6 +558,14 @@ def _circle(
     return rule
 
 
+def _tanh(x: Series) -> Series:
+    """tanh by its derivative s: y' = s x', s' = -2 y s x'."""
+    y = Series(f.tanh(x[0]))
+    s = Series(rise_of_tanh(x[0], y[0]))
+    _integral(s, lambda s: -2.0 * y * s, x)
+    return _integral(y, lambda _: s, x)
+
+
 def _atan2(y: Any, x: Any) -> Series:
     """The angle a of (x, y): a' = (x y' - y x')/(x^2 + y^2)."""
     y, x = (a if isinstance(a, Series) else Series(a) for a in (y, x))
@@ -572,11 +580,12 @@ def _copysign(x: Any, y: Any) -> Any:
 
 
 _RULES: dict[str, Callable[..., Any]] = {
-    **{name: _rule(getattr(f, name), TIMES[name]) for name in ("exp", "exp2", "tan", "tanh")},
+    **{name: _rule(getattr(f, name), TIMES[name]) for name in ("exp", "exp2", "tan")},
     **{name: _over(getattr(f, name), OVER[name]) for name in OVER.keys() - {"sqrt", "cbrt"}},
     "sqrt": _sqrt,
     "cbrt": lambda x: _power(Series(f.cbrt(x[0])), 1.0 / 3.0, x),
-    "expm1": _rule(f.expm1, lambda x, y: y + 1.0),
+    "expm1": lambda x: Series(f.expm1(x[0])).by(f.exp(x).term),
+    "tanh": _tanh,
     "cos": _circle(f.cos, f.sin, -1.0, 0),
     "sin": _circle(f.cos, f.sin, -1.0, 1),
     "cosh": _circle(f.cosh, f.sinh, 1.0, 0),
