@@ -140,7 +140,7 @@ NAMED: list[tuple[Any, str]] = [
     (lambda: lm.models.BlochIserles(np.eye(3)), r"N\^T = -N; \[0, 0\] is 1"),
     (lambda: lm.models.BlochIserles(np.zeros((2, 3))), r"shape \(2, 3\)"),
     (lambda: lm.models.VonNeumann([[1.0, 1j], [1j, 1.0]]), "energies must be hermitian"),
-    (lambda: lm.models.VonNeumann([1.0, 2.0], hbar=0.0), "hbar is 0"),
+    (lambda: lm.models.VonNeumann([1.0, 2.0], hbar=0.0), "hbar must be a positive number; got 0.0"),
     (lambda: lm.models.VonNeumann([1.0, 2.0]).of_density(np.eye(2)), "trace of rho is 2"),
     (lambda: lm.models.VonNeumann([1.0, 2.0]).of_density([[0.5, 1.0], [0.0, 0.5]]), "hermitian"),
 ]  # fmt: skip

@@ -304,3 +304,16 @@ def test_a_body_in_the_plane_turns_about_the_normal() -> None:
     g = np.array([plane.exp([angle, 0.3, 0.2]) for angle in (0.4, -2.0)])
     wanted = [[0.0, 0.0, np.sin(a / 2), np.cos(a / 2)] for a in (0.4, -2.0)]
     assert np.allclose(attitude(body, g), wanted, rtol=0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize("make", [
+    lambda many: lm.models.OrthonormalFrame(lm.each([[[0.0], [1.0]]] * many)),
+    lambda many: lm.models.VonNeumann([1.0, 2.0], hbar=lm.each([1.0] * many)),
+    lambda many: lm.models.ZeitlinSphere(13, lm.each([1.0] * many)),
+])  # fmt: skip
+def test_values_of_each_body_are_refused_by_name(make):
+    """A bare TypeError of Python or NumPy was raised."""
+    with pytest.raises(
+        lm.errors.InvalidType, match=r"(field|hbar|rotation) must be real numbers; got .* each\(2 values"
+    ):
+        make(2)

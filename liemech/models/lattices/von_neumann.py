@@ -13,6 +13,7 @@ from ...groups.matrices.classical import U
 from ...systems.hamiltonian import Hamiltonian
 from ...systems.lagrangian import Lagrangian
 from ...systems.lie_poisson import BodyState, LiePoissonSystem
+from ..input_checks import positive_number
 
 
 @record
@@ -65,10 +66,9 @@ class VonNeumann(LiePoissonSystem):
         if h.ndim != 2 or h.shape[0] != h.shape[1] or len(h) < 2:
             raise InvalidInput(f"VonNeumann: energies has shape {h.shape}; it must be (n, n) or (n,), n >= 2")
         require_hermitian("VonNeumann: energies", h)
-        if not (np.isfinite(self.hbar) and self.hbar > 0.0):
-            raise InvalidInput(f"VonNeumann: hbar is {self.hbar!r}; it must be positive")
+        hbar = positive_number("VonNeumann: hbar", self.hbar)
         group = U(len(h))
-        xi = group.generated.vee(1j * h.astype(complex) / self.hbar)
+        xi = group.generated.vee(1j * h.astype(complex) / hbar)
         for name, value in (
             ("group", group),
             ("hamiltonian", ExpectedEnergy(Vec.of(np.asarray(xi).tolist()))),

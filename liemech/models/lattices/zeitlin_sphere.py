@@ -110,7 +110,7 @@ class ZeitlinSphere(LiePoissonSystem):
 
     def __post_init__(self) -> None:
         n = whole_number("ZeitlinSphere", self.n, matrix_basis.SMALL + 1)
-        if not np.isfinite(self.rotation):
+        if not np.isfinite(real_array(self.rotation, "ZeitlinSphere: rotation")):
             raise InvalidInput(f"ZeitlinSphere: rotation is {self.rotation}; it must be finite")
         background: Any = 0.0
         if self.rotation:

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from ...errors import InvalidInput
-from ...formulas import Mat, Vec, dot, mat, record, transpose, vec
+from ...formulas import Mat, Vec, dot, mat, real_array, record, transpose, vec
 from ...formulas.classes.derived import closed_form_of
 from ...groups.matrices.matrix_functions import expm
 from ...rooms.constraints.constrained import SeparableConstrainedSystem
@@ -33,10 +33,11 @@ class OrthonormalFrame(SeparableConstrainedSystem):
     mass: float = 1.0
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        if len(self.field) < len(self.field[0]):
-            raise InvalidInput(f"OrthonormalFrame: field is (n, k) with k at most n; got {np.array(self.field).shape}")
+        shape = real_array(self.field, "OrthonormalFrame: field").shape
+        if len(shape) != 2 or shape[0] < shape[1]:
+            raise InvalidInput(f"OrthonormalFrame: field is (n, k) with k at most n; got {shape}")
         check_positive(self, "mass")
+        super().__post_init__()
 
     @property
     def degrees(self) -> int:  # type: ignore[override]
