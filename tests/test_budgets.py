@@ -33,7 +33,7 @@ BUDGETS = {
     "rooms/files": (1_420, 9_600),
     "rooms/hamilton_jacobi": (1_270, 6_450),
     "rooms/noise": (810, 3_100),
-    "rooms/poisson": (1_800, 8_400),
+    "rooms/poisson": (1_800, 8_450),
     "rooms/published": (590, 3_800),
     "rooms/sites": (8_490, 47_800),
     "rooms/stability": (880, 5_350),

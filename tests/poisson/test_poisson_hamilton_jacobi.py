@@ -439,6 +439,50 @@ class NoStructure(ThreeSpecies):
         return lm.mat(lm.vec(0.0, 1.0, y[0]), lm.vec(-1.0, 0.0, self.far), lm.vec(-y[0], -self.far, 0.0))
 
 
+@lm.record
+class Polar(lm.charts.LocalChart):
+    """The polar angles of a pendulum of this length and mass 1, and their rates."""
+
+    dim: ClassVar[int] = 4
+    length: float
+
+    def place(self, a: lm.Vec) -> lm.Vec:
+        return self.length * lm.vec(sin(a[0]) * cos(a[1]), sin(a[0]) * sin(a[1]), -cos(a[0]))
+
+    def embedding(self, y: lm.Vec) -> lm.Vec:
+        return lm.vec(*self.place(y), *lm.derivative(self.place, y, lm.vec(y[2], y[3], 0.0, 0.0)))
+
+
+def test_local_coordinates_are_accepted_in_all_units() -> None:
+    """They were refused by the rounding of brackets that are zero."""
+    for length in (1e-9, 0.37, 1e6):
+        lm.PoissonHamiltonJacobi(2).require(
+            lm.charts.in_coordinates(lm.SphericalPendulum(length=length), Polar(length))
+        )
+
+
+@pytest.mark.slow
+def test_a_pendulum_in_local_coordinates() -> None:
+    """Of order 2 beside its equations, and L_3 is conserved by symmetry."""
+    length = 0.37
+    system = lm.charts.in_coordinates(lm.SphericalPendulum(length=length, gravity=length), Polar(length))
+
+    def rates(t: float, y: Any) -> Any:
+        return [y[2], y[3], np.sin(y[0]) * (np.cos(y[0]) * y[3] ** 2 - 1.0), -2.0 * y[2] * y[3] / np.tan(y[0])]
+
+    y = [1.0, 0.2, 0.3, 1.1]
+    exact = solve_ivp(rates, (0.0, 0.2), y, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+    errors = []
+    for steps in (2, 4):
+        run = lm.integrate(
+            system, lm.PoissonHamiltonJacobi(2), system.state(y), h=0.2 / steps, steps=steps, compiled=False
+        )
+        errors.append(np.abs(run.y[-1] - exact).max())
+        turns = np.sin(run.y[:, 0]) ** 2 * run.y[:, 3]
+        assert np.ptp(turns) < 1e-14 * turns[0]
+    assert 1.9 < np.log2(errors[0] / errors[1]) < 2.1
+
+
 def test_what_is_refused_says_why() -> None:
     with pytest.raises(lm.errors.IncompatibleSystem, match="breaks Jacobi's identity"):
         lm.PoissonHamiltonJacobi().require(lm.PoissonSystem(NoStructure(), OfPlane()))

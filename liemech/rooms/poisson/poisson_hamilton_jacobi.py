@@ -30,6 +30,7 @@ from ...formulas.numbers.dual import Dual
 from ...formulas.numbers.series import Series
 from ...formulas.numbers.sizes import one_norms
 from ...groups.linear_motion import motion_terms
+from ...groups.matrices.skew_matrices import like_sizes
 from ...groups.poisson_structure import LogCanonical, PoissonStructure, jacobi_sums, slopes_of
 from ...integrators.implicit import Implicit
 from ...integrators.memory import Memory, extrapolated
@@ -44,6 +45,9 @@ ORDERS = 2, 4, 6, 8
 
 ROUNDING = 2.0**-30
 """A sum below this, relative to its terms, is zero up to the rounding of a formula."""
+
+LEAST = 2.0**-48
+"""The rounding of a formula beside the largest numbers in it."""
 
 _obeying = Remembered()
 """The structures that were seen to obey Jacobi's identity."""
@@ -249,8 +253,11 @@ def require_jacobi(method: Any, structure: PoissonStructure) -> None:
         except (ArithmeticError, ValueError):  # not in its domain
             continue
         sums, terms = jacobi_sums(slopes, matrix), jacobi_sums(np.abs(slopes), np.abs(matrix))
+        units = matrix.any(axis=1) / like_sizes(matrix)  # what comes out as zero is a rounding of the largest entries
+        size = np.abs(matrix) + np.outer(units, units)
+        noise = jacobi_sums(np.abs(slopes) + size / np.abs(np.array(y))[:, None, None], size)
         for i, j, k in itertools.combinations(range(n), 3):
-            if abs(sums[i, j, k]) > ROUNDING * terms[i, j, k]:
+            if abs(sums[i, j, k]) > ROUNDING * terms[i, j, k] + LEAST * noise[i, j, k]:
                 raise IncompatibleSystem(
                     f"{method!r}: {structure!r} breaks Jacobi's identity at y = {tuple(y)}, for the components "
                     f"{i + 1}, {j + 1}, {k + 1} by {sums[i, j, k]:.3g}: it is no Poisson structure. "
