@@ -606,5 +606,6 @@ def roots(
             inner = f1 / (f2 - f1) * f3 / (f2 - f3) + (x3 - x1) / (x2 - x1) * f1 / (f3 - f1) * f2 / (f3 - f2)  # fmt: skip
         safe = (phi * phi < xi) & ((1.0 - phi) ** 2 < 1.0 - xi)
         part = np.minimum(1.0 - bound, np.maximum(bound, np.where(safe, inner, 0.5)))
+    places = np.where((places == a) & (fa != 0.0), np.nextafter(a, b), places)  # behind a sample there
     steep = STEEP + 32.0 * EPSILON * np.maximum(np.abs(a), np.abs(b)) / np.abs(b - a)
     return places, (change != 0.0) & (change >= steep * np.abs(fb - fa))
