@@ -1,5 +1,5 @@
-"""Poisson integrators: a step on Lotka and Volterra's equations beside plain C of the same step; and on six systems
-the time to an error of 1e-6 with what each method keeps.
+"""Poisson integrators: a step on Lotka and Volterra's equations, and on so(3)*, beside plain C of the same step; and on six
+systems the time to an error of 1e-6 with what each method keeps.
 
 python tests/benchmarks/poisson.py [--quick] [--out results.json]
 """
@@ -21,6 +21,9 @@ from liemech.tableaus.splittings import STRANG
 SOURCE = Path(__file__).with_name("poisson.c")
 SPECIES = lm.models.LotkaVolterra()
 START, H = SPECIES.state([1.5, 1.0]), 0.01
+BODY = lm.RigidBody([1.0, 1.5, 2.0])
+MOMENTA = lm.PoissonSystem(lm.coadjoint(lm.SO3()).poisson_structure, BODY.hamiltonian)
+TURNING = MOMENTA.state([0.5, 0.0, 0.75**0.5])
 VERLET = lm.PoissonVerlet()
 STEPS: dict[str, tuple[str, Any]] = {
     "PoissonEuler()": ("euler", lm.PoissonEuler()),
@@ -28,18 +31,24 @@ STEPS: dict[str, tuple[str, Any]] = {
     **{f"Composition(PoissonVerlet(), order={p})": ("verlet", lm.Composition(VERLET, order=p)) for p in (4, 6, 8)},
     **{f"Splitting(order={p})": ("splitting", lm.Splitting(order=p)) for p in (1, 2, 4, 6)},
     **{f"PoissonHamiltonJacobi({p})": ("hamilton_jacobi", lm.PoissonHamiltonJacobi(p)) for p in (2, 4)},
+    **{f"PoissonHamiltonJacobi({p}), so(3)*": ("momenta", lm.PoissonHamiltonJacobi(p)) for p in (2, 4)},
 }
+
+
+def scene(name: str) -> tuple[Any, Any, float]:
+    """The system that a C function steps, its start and the step."""
+    return (MOMENTA, TURNING, 0.1) if name == "momenta" else (SPECIES, START, H)
 
 
 class C:
     """The C of a step."""
 
     def __init__(self, library: Any, name: str) -> None:
-        self.advance = getattr(library, name)
+        self.advance, (_, self.start, self.h) = getattr(library, name), scene(name)
 
     def __call__(self, steps: int) -> np.ndarray:
-        state = np.array(START.y)
-        numbers = map(ctypes.c_double, (1.0, 2.0, H))
+        state = np.array(self.start.y)
+        numbers = map(ctypes.c_double, (1.0, 2.0, self.h))
         self.advance(ctypes.c_void_p(state.ctypes.data), *numbers, ctypes.c_long(steps))
         return state
 
@@ -75,7 +84,7 @@ class Logarithms(lm.Hamiltonian):
 
 
 ERROR, T = 1e-6, 4.0
-BODY, TODA = lm.RigidBody([1.0, 1.5, 2.0]), lm.models.TodaLattice(3)
+TODA = lm.models.TodaLattice(3)
 PARTICLE = lm.models.ChargedParticle(lm.models.AxialField())
 TOGETHER: dict[str, tuple[Any, Any]] = {
     "two species": (SPECIES, START),
@@ -86,10 +95,7 @@ TOGETHER: dict[str, tuple[Any, Any]] = {
     "Toda": (TODA, TODA.state_of([0.3, -0.2, 0.1], [0.5, -0.3, 0.2])),
     "Maxwell-Bloch": (lm.models.MaxwellBloch(), lm.models.MaxwellBloch().state([1.0, 0.5, 0.3])),
     "charged particle": (PARTICLE, PARTICLE.state([0.0, 1.0, 0.1, 0.09, 0.55, 0.30])),
-    "so(3)*": (
-        system := lm.PoissonSystem(lm.coadjoint(lm.SO3()).poisson_structure, BODY.hamiltonian),
-        system.state([0.5, 0.0, 0.75**0.5]),
-    ),
+    "so(3)*": (MOMENTA, TURNING),
 }
 CONTENDERS = [
     *(lm.PoissonHamiltonJacobi(p) for p in (2, 4, 6)),
@@ -99,15 +105,26 @@ CONTENDERS = [
 ]
 
 
-def to_an_error(system: Any, method: Any, start: Any, true: np.ndarray, repetitions: int) -> dict[str, Any] | None:
+CHARTS: dict[str, Any] = {"two species": lm.charts.LogarithmicDarboux(SPECIES.structure), "so(3)*": lm.charts.Andoyer()}
+"""Canonical coordinates."""
+
+
+def to_an_error(
+    of: Any, method: Any, begin: Any, true: np.ndarray, repetitions: int, chart: Any = None
+) -> dict[str, Any] | None:
     """Steps, microseconds and errors at T of runs up to one within ERROR, and what the method keeps there; None if it does
-    not step the system.
+    not step the system.  chart : a DarbouxChart in which it steps.
     """
     points = []
+    system, start = (of, begin) if chart is None else chart.system(of, begin)
+
+    def places(run: Any) -> np.ndarray:
+        return np.asarray(run.y if chart is None else system.points(run.q, run.p))
+
     for steps in [round(2 ** (0.5 * k)) for k in range(4, 40)]:
         try:
             plan = lm.Plan(system, method, h=T / steps, every=steps, compiled=True, progress=False)
-            end = plan.run(start, steps=steps).last.y
+            end = places(plan.run(start, steps=steps))[-1]
         except (lm.errors.IncompatibleSystem, lm.errors.NotCompilable):
             return None
         except lm.errors.IntegrationFailure:  # too long a step
@@ -117,7 +134,7 @@ def to_an_error(system: Any, method: Any, start: Any, true: np.ndarray, repetiti
         if points[-1][2] <= ERROR:
             break
     far = lm.integrate(system, method, start, h=T / steps, steps=20 * steps, compiled=True, progress=False)
-    constants = system.constants({"y": far.y}).items()
+    constants = of.constants({"y": places(far)}).items()
     kept = {name: np.abs(x - x[0]).max() for name, x in constants if name.startswith(("energy", "Casimir"))}
     return {
         "steps": steps, "us": us, "points": points, "energy": kept.pop("energy"), "Casimirs": max(kept.values(), default=None),
@@ -130,10 +147,14 @@ def together(repetitions: int) -> list[dict[str, Any]]:
     rows = []
     for name, (system, start) in TOGETHER.items():
         true = lm.integrate(system, lm.RKMK(order=8), start, h=T / 4000, steps=4000, every=4000, progress=False).last.y
-        for method in CONTENDERS:
-            told = to_an_error(system, method, start, true, repetitions)
+        contenders = [(method, None) for method in CONTENDERS]
+        if name in CHARTS:
+            contenders = [*contenders, (lm.HamiltonJacobi(4), CHARTS[name])]
+        for method, chart in contenders:
+            told = to_an_error(system, method, start, true, repetitions, chart)
             if told is not None:
-                rows.append({"system": name, "method": repr(method), "name": method.name, **told})
+                where = "" if chart is None else f", {type(chart).__name__}"
+                rows.append({"system": name, "method": repr(method) + where, "name": method.name + where, **told})
     columns = ["system", "method", "steps", "us", "energy", "Casimirs", "defect"]
     title = (
         f"to {ERROR:g} at t = {T:g}: steps, us; energy and Casimirs over 20 times that, defect of the bracket of a step"
@@ -147,7 +168,8 @@ def main() -> None:
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         for method_name, (name, method) in STEPS.items():
-            runs: dict[str, Any] = {"liemech": Native(SPECIES, method, START, H)}
+            system, start, h = scene(name)
+            runs: dict[str, Any] = {"liemech": Native(system, method, start, h)}
             for contraction in ("off", "fast"):
                 library = compiled(method, contraction, Path(folder))
                 if library is not None:

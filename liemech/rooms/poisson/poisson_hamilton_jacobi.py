@@ -10,6 +10,7 @@ import numpy as np
 
 from ...errors import IncompatibleSystem
 from ...formulas import (
+    Mat,
     Vec,
     constant,
     derivative,
@@ -17,8 +18,8 @@ from ...formulas import (
     exp,
     expm1,
     identity_matrix,
-    jacobian,
     log,
+    mat,
     plain,
     record,
     vec,
@@ -45,9 +46,6 @@ ORDERS = 2, 4, 6, 8
 
 ROUNDING = 2.0**-30
 """A sum below this, relative to its terms, is zero up to the rounding of a formula."""
-
-LEAST = 2.0**-48
-"""The rounding of a formula beside the largest numbers in it."""
 
 _obeying = Remembered()
 """The structures that were seen to obey Jacobi's identity."""
@@ -137,15 +135,14 @@ class PoissonHamiltonJacobi(Implicit):
         """The covector p = dS(x) of a step about the time t, x the mean of its motion from y.
 
         blocks : of the components that share a unit; sizes, beside which B dp vanishes, dp a correction.  Newton's
-        method with the matrix 1 - h D^2H(x) B(x)/2, wrong by O(h^2).
+        method with the matrix 1 - h D^2H(x) dx/dp, wrong by O(h^3).
         """
 
         def sweep(p: Vec) -> tuple[Vec, Vec, Vec]:
             change, mean = structure.linear_motion(y, p)
             x = y + mean
-            slope = jacobian(lambda z: structure.sharp(x, dH(t, z)), x)
-            matrix = identity_matrix(len(x)) + (0.5 * h) * slope.T
-            step = correction(matrix, p - self.covector(structure, dH, t, x, h))
+            moved = [h * tangent(lambda z: dH(t, z), x, d, True)[1] for d in mean_by_covector(structure, x, p)]
+            step = correction(identity_matrix(len(x)) - mat(*moved).T, p - self.covector(structure, dH, t, x, h))
             return p - step, one_norms(structure.sharp(x, step), blocks), sizes + one_norms(change, blocks)
 
         return fixed_point(sweep, guess, self, h)
@@ -160,6 +157,18 @@ class PoissonHamiltonJacobi(Implicit):
 
 
 # -------------------------------------------------------------------- the generating function
+
+
+def mean_by_covector(structure: Any, x: Vec, p: Vec) -> Mat:
+    """dx/dp of the mean x of the motion y' = V(y) = B(y) p from a fixed start, to first order in p:
+
+        B/2 + (W + W^T)/12,   W = V' B;  for y = x - V/2 + V' V/12 - ..., and B' V = W - W^T, as V keeps B
+
+    x, p : (n,); (n, n), column by column.
+    """
+    columns = structure.matrix(x).T
+    bent = mat(*[tangent(lambda z: structure.sharp(z, p), x, b, True)[1] for b in columns])
+    return mat(*[0.5 * b + (1.0 / 12.0) * w for b, w in zip(columns, bent + bent.T)])
 
 
 def gradient_of(system: Any) -> Any:
@@ -249,15 +258,17 @@ def require_jacobi(method: Any, structure: PoissonStructure) -> None:
         try:
             with np.errstate(all="ignore"):
                 matrix = np.array(structure.matrix(at), dtype=float)
-                slopes = slopes_of(structure, at)
+                slopes, terms = slopes_of(structure, at), structure.terms(at)
         except (ArithmeticError, ValueError):  # not in its domain
             continue
-        sums, terms = jacobi_sums(slopes, matrix), jacobi_sums(np.abs(slopes), np.abs(matrix))
-        units = matrix.any(axis=1) / like_sizes(matrix)  # what comes out as zero is a rounding of the largest entries
-        size = np.abs(matrix) + np.outer(units, units)
-        noise = jacobi_sums(np.abs(slopes) + size / np.abs(np.array(y))[:, None, None], size)
+        units = 1.0 / like_sizes(terms)
+        sizes = terms + (terms / np.outer(units, units)).max() * np.outer(
+            units, units
+        )  # an entry may be rounding alone
+        bent = np.abs(slopes) + np.where(slopes == 0.0, 0.0, sizes / np.abs(np.reshape(y, (n, 1, 1))))
+        sums, bounds = jacobi_sums(slopes, matrix), ROUNDING * jacobi_sums(bent, sizes)
         for i, j, k in itertools.combinations(range(n), 3):
-            if abs(sums[i, j, k]) > ROUNDING * terms[i, j, k] + LEAST * noise[i, j, k]:
+            if abs(sums[i, j, k]) > bounds[i, j, k]:
                 raise IncompatibleSystem(
                     f"{method!r}: {structure!r} breaks Jacobi's identity at y = {tuple(y)}, for the components "
                     f"{i + 1}, {j + 1}, {k + 1} by {sums[i, j, k]:.3g}: it is no Poisson structure. "
