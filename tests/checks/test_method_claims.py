@@ -126,6 +126,7 @@ def further() -> Iterator[lm.Method]:
     yield from (lm.GeodesicSplitting(order=p) for p in (4, 6, 8))
     yield lm.IndexReduction(lm.RKMK(order=4), True)
     yield from (lm.PoissonEuler("v"), lm.Composition(lm.PoissonVerlet(), order=4))
+    yield from (method(order=p) for method in (lm.PoissonHamiltonJacobi, lm.SymplecticRKMK) for p in (2, 6, 8))
 
 
 def methods() -> list[lm.Method]:

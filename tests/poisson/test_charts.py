@@ -199,6 +199,24 @@ def test_the_spherical_pendulum_in_local_coordinates(momenta: bool) -> None:
     assert not system.structure.is_invariant(lambda z: z[0], system.energy, [y])
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("momenta", [True, False], ids=["momenta", "velocities"])
+@pytest.mark.parametrize("order", [2, 4])
+def test_hamilton_and_jacobi_in_local_coordinates(order: int, momenta: bool) -> None:
+    """Steps that are symplectic on the manifold, as they are Poisson maps in coordinates, and on it by the embedding."""
+    chart, method = Sphere(momenta), lm.PoissonHamiltonJacobi(order)
+    system = lm.charts.in_coordinates(Particle(), chart)
+    start = system.state(chart.coordinates(np.array([*Q0, *V0])))
+    errors = []
+    for steps in (20, 40):
+        run = lm.integrate(system, method, start, h=0.5 / steps, steps=steps, compiled=True, progress=False)
+        q, p = np.split(np.asarray(chart.embedding(run.y[-1])), 2)
+        assert abs(q @ q - 1.0) < 1e-15 and abs(q @ p) < 1e-15
+        errors.append(np.abs([q - AT_HALF[0], p - AT_HALF[1]]).max())
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.1)
+    assert lm.poisson_defect(method, system, start, 0.05) < 1e-13
+
+
 def test_structures_of_the_sphere_in_closed_form() -> None:
     """With momenta canonical; with velocities B_12 of them 2 v_phi cot theta, and 1 and 1/sin^2
     theta beside the angles.
