@@ -6,7 +6,7 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 from ..errors import IncompatibleSystem
-from ..formulas import Mat, Record, Vec, derivative, identity_matrix, jacobian, mat, norm, plain, record, vec
+from ..formulas import Mat, Record, Vec, derivative, identity_matrix, jacobian, norm, plain, record, vec
 from ..formulas.numbers.sizes import one_norms
 from ..groups.lie_group import LieGroup
 from ..groups.retractions import Exponential
@@ -185,8 +185,8 @@ class Linearisation(Record):
     """Velocity and momentum in the middle of a step, at a guess, and their derivatives.
 
     by_mu, by_place : of the velocity; that of the force by the momentum is the transpose of -by_place, as second
-    derivatives of an energy commute.  slope : of p less what it leads to, 1 - (h/2) (ad*_(by_mu .) p + df/dmu) to first
-    order in h.
+    derivatives of an energy commute.  slope : of p less what it leads to, p - (dexp_{-x})* mu_n - (dexp_{-x/2})* F/2, in
+    which the force is to first order in h.
     """
 
     xi: Vec
@@ -210,8 +210,9 @@ def _linearised(system: Any, t: float, start: BodyState, h: float, xi: Vec, chan
     g = group.compose_exp(start.g, (0.5 * h) * xi)
     by_mu = jacobian(lambda m: system.rates(t + 0.5 * h, m, g)[0], p)
     by_place = jacobian(lambda y: system.rates(t + 0.5 * h, p, group.compose_exp(g, y))[0], 0.0 * p)
-    rows = [group.ad_star(v, p) - slope for v, slope in zip(by_mu.T, by_place)]
-    return Linearisation(xi, p, by_mu, by_place, identity_matrix(len(p)) - (0.5 * h) * mat(*rows).T)
+    _, _, by_x = TAU.residual(group, h * xi, p, start.mu)
+    slope = identity_matrix(len(p)) + h * (by_x @ by_mu + 0.5 * by_place.T)
+    return Linearisation(xi, p, by_mu, by_place, slope)
 
 
 def _rate_in_chart(group: LieGroup, y: Vec, mu: Vec, along: Vec, rate: Vec) -> Vec:

@@ -35,10 +35,41 @@ class ChargedTop(lm.CotangentSystem):
         return 0.5 * lm.dot(v, v / self.inertia) + lm.dot(self.weight, g[2])
 
 
+@lm.record
+class OfEnergy(lm.CotangentSystem):
+    """The free body by its energy, as if it could depend on the place."""
+
+    configurations: ClassVar[lm.LieGroup] = lm.SO3()
+
+    inertia: lm.Vec
+
+    def energy(self, mu: lm.Vec, g: Any) -> float:
+        return 0.5 * lm.dot(mu, mu / self.inertia)
+
+
+@lm.record
+class OfLagrangian(lm.TangentSystem):
+    """The free body by its Lagrangian, as if it could depend on the place."""
+
+    configurations: ClassVar[lm.LieGroup] = lm.SO3()
+
+    inertia: lm.Vec
+
+    def lagrangian(self, xi: lm.Vec, g: Any) -> float:
+        return 0.5 * lm.dot(xi, self.inertia * xi)
+
+
 CHARGED = ChargedTop([1.0, 1.6, 2.3], [[1.1, 0.3, 0.0], [0.3, 0.7, 0.2], [0.0, 0.2, 1.3]], [0.08, 0.16, 0.8], 1.2)
 ORDERS = [lm.SymplecticRKMK(order) for order in (2, 4, 6)]
 PAIRS: dict[str, list[tuple[Any, Any]]] = {
-    "free body": [(BODY, lm.CovariantVariational()), (FREE, ORDERS[0])],
+    **{
+        f"free body {how}": [(BODY, lm.CovariantVariational()), (system, ORDERS[0])]
+        for how, system in (
+            ("in no field", FREE),
+            ("of an energy", OfEnergy([1.0, 1.6, 2.3])),
+            ("of a Lagrangian", OfLagrangian([1.0, 1.6, 2.3])),
+        )
+    },
     "heavy top": [
         *[(TOP, lm.LieVerlet()), *[(TOP, lm.GalerkinVariational(k)) for k in (2, 4, 6)]],
         *[(TOP, method) for method in ORDERS],
