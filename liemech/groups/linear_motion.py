@@ -6,6 +6,8 @@ from typing import Any
 
 from ..errors import NoConvergence
 from ..formulas import Vec, vec
+from ..formulas.numbers.bases import Pair
+from ..formulas.numbers.dual import is_series
 from ..formulas.numbers.products import Products
 from ..formulas.numbers.series import Series
 
@@ -58,7 +60,9 @@ def linear_motion(structure: Any, y: Vec, p: Vec) -> tuple[Vec, Vec]:
 def motion_terms(structure: Any, y: Vec, p: Vec, number: int) -> list[Vec]:
     """y_1, ..., y_number of the motion y' = B(y) p from y.  y, p : (n,)."""
     products = Products()
-    at = vec(*[Series(c).among(products) for c in y])
-    for component, rate in zip(at, structure.sharp(at, vec(*[Series(c).among(products) for c in p]))):
-        component.grow(rate, 1.0)
-    return [vec(*[c[k] for c in at]) for k in range(1, number + 1)]
+    carries = any(isinstance(c, Pair) and not is_series(c) for c in y)  # derivatives, as the structure may, too
+    begun = [Series.unknown(x, products) if carries else vec(*[Series(c).among(products) for c in x]) for x in (y, p)]
+    at, covector = begun
+    for component, rate in zip(at, structure.sharp(at, covector)):
+        Series.grown(component, rate, 1.0)
+    return [Series.coefficient(at, k) for k in range(1, number + 1)]

@@ -164,6 +164,7 @@ def cases() -> Iterator[Any]:
             except lm.errors.IncompatibleSystem:
                 continue
             quick = name in ("galaxy", "species") or (name == "free body" and method.order <= 4 and not is_dear(method))
+            quick = quick and not (isinstance(method, lm.PoissonHamiltonJacobi) and method.order > 2)
             marks = [] if quick else [pytest.mark.slow]  # many seconds
             yield pytest.param(method, name, marks=marks, id=f"{method!r}-{name}")
 

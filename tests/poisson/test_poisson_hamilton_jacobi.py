@@ -547,6 +547,27 @@ class OneMoment(lm.Hamiltonian):
         return self.first * mu[0] ** 2 + 0.5 * mu[1] ** 2 + 0.25 * mu[2] ** 2
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("compiled", (False, True))
+def test_derivatives_by_parameters_of_structure_and_energy(compiled: bool) -> None:
+    """Beside differences of runs, of order 4.  Backwards native code knew no sum over several slopes."""
+    start, e, names = [0.3, -0.5, 0.8], 1e-3, ["structure.b", "hamiltonian.first"]
+
+    def plan(b: float, first: float) -> Any:
+        system = lm.PoissonSystem(ChargedPlane(b), OneMoment(first))
+        return lm.Plan(system, lm.PoissonHamiltonJacobi(4), h=0.2, compiled=compiled, progress=False)
+
+    middle = plan(0.7, 0.75)
+    begin = middle.system.state(start)
+    forward = middle.tangent(begin, steps=3, by=names).tangent
+    backward = middle.gradient(lambda state: state.y[1], begin, steps=3, by=names)
+    for name, (b, first) in zip(names, ((e, 0.0), (0.0, e)), strict=True):
+        ends = [plan(0.7 + k * b, 0.75 + k * first).run(begin, steps=3).last.y for k in (-2, -1, 1, 2)]
+        wanted = (np.array([1.0, -8.0, 8.0, -1.0]) / (12.0 * e)) @ np.array(ends)
+        assert forward[name][-1].ravel() == pytest.approx(wanted, abs=1e-10)
+        assert backward[name] == pytest.approx(wanted[1], abs=1e-10)
+
+
 def test_derivatives_of_power_series_by_parameters_are_refused_by_name() -> None:
     """Before, the energy was said to return no number."""
     body = lm.LiePoissonSystem(lm.SO3(), OneMoment())

@@ -11,7 +11,6 @@ Source: Griewank and Walther, Evaluating Derivatives, 2nd ed., chapter 3 (forwar
 
 from __future__ import annotations
 
-import functools
 import math
 import operator
 from collections.abc import Callable
@@ -284,7 +283,10 @@ def size_of(x: Any) -> Any:
     several directions their sum.
     """
     if isinstance(x, tuple):
-        return functools.reduce(operator.add, map(size_of, x))
+        total = size_of(x[0])
+        for i in range(1, len(x)):
+            total = total + size_of(x[i])
+        return total
     return size_of(x.value) + size_of(x.slope) if isinstance(x, Dual) else abs(x)
 
 
