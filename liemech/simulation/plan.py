@@ -467,11 +467,17 @@ class Plan:
         sites go site by site, once for each v; for J^T w they are gone through backwards, once for each w
         and each sample, where the method has a way back, else once for each of the N directions.
 
+        With events the samples are those at ends of steps, a jump takes tangents to Xi = D then + (f+ - D then f- - then_t)
+        grad w / (w_t + grad w . f-), w its event and f-+ the rates before and behind it, and `time_tangents` has the
+        derivatives of the times of events.
+
         Returns a TangentTrajectory, whose `tangent["start"]` is (n, N, N): derivatives of the state at each sample,
         group elements left-trivialised, dg = g hat(eta).  Of an ensemble of m bodies, one after another, (n, m, N, N).
         Of many sites the N components are the momenta of all sites, then the eta of all. Raises what `integrate` does,
-        for a body of an ensemble too; InvalidInput for what is no parameter, IncompatibleSystem for classical Hamilton-
-        Jacobi methods, whose power series cannot carry a derivative.
+        for a body of an ensemble too; InvalidInput for what is no parameter, and for an event that grazes its zero;
+        IncompatibleSystem for classical Hamilton-Jacobi methods, whose power series cannot carry a derivative, and for a
+        jump whose `then` cannot be made beside the state in which it is.
+        Source: di Bernardo, Budd, Champneys and Kowalczyk, Piecewise-smooth Dynamical Systems (2008), section 2.5.
         """
         from ..rooms.derivatives.tangent_runs import tangent_of
 
@@ -504,6 +510,7 @@ class Plan:
         `run.last`, and `growth`, the norm of the tangent map.  gradient["start"] is (N,) in the frames
         of `tangent`.  With a list of systems parameters have a leading axis of bodies, else they are summed.
         With adaptive steps it is the derivative of the steps that were accepted, their lengths held fixed.
+        With events it is by the last state alone, without along and every.
         Warns by a GradientWarning where the motion is so sensitive that few digits are left.
         Raises what `integrate` and `tangent` do.
         """

@@ -685,14 +685,19 @@ class TangentTrajectory(Trajectory):
     of a parameter are its components.  Of an ensemble of m bodies (n, m, out, in).
     tau : of a run in fictive time, (n,), the fictive times.  The derivative is that at the same
     fictive time, and the last row that of the physical time.
+    time_tangents : of a run with events, by event and by name, (zeros, in): how the times in `events` depend on it; of
+    an ensemble by event, by body and by name.
     """
 
     tangent: dict[str, np.ndarray] = None  # type: ignore[assignment]
     tau: np.ndarray | None = None
+    time_tangents: tuple[Any, ...] = ()
 
     @property
     def _compared(self) -> dict[str, Any]:
-        return super()._compared | {"tangent": self.tangent, "tau": self.tau}
+        return super()._compared | {
+            "tangent": self.tangent, "tau": self.tau, "time_tangents": self.time_tangents,
+        }  # fmt: skip
 
 
 def part_with_sites(system: Any, name: str, array: np.ndarray, flat: int = 2) -> Any:

@@ -4,6 +4,7 @@ frames.py             directions in which states move, and components of changes
 directions.py         directions of a start and of parameters of system and method
 tangent.py            forwards: the tangent map, by steps in numbers that carry derivatives
 tangent_runs.py       `plan.tangent`: of one body, of an ensemble, of many sites
+through_events.py     both through jumps and other events: saltation matrices, derivatives of times
 gradient.py           `plan.gradient` and `plan.pullback`
 losses.py             what is differentiated, a loss or a cotangent, and its derivatives by the states of a run
 through_blocks.py     backwards, of bodies: J^T w of a run by the Jacobians of blocks of its steps

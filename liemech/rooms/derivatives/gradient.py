@@ -13,13 +13,17 @@ from ...errors import GradientWarning, IncompatibleSystem, InvalidInput, warn
 from ...formulas.classes.frozen import frozen
 from ...formulas.classes.layouts import layout_of
 from ...simulation import arguments
+from ...simulation.compiled.parameters import full_name
 from ...simulation.result import of_some
 from ...simulation.trajectory import Trajectory
 from ...systems.system import State, member
+from .directions import Directions
 from .losses import Asked, Loss, Objective
 from .of_sites.pullback import goes_by_sites, gradient_by_sites
 from .tangent import derived, in_steps
 from .through_blocks import Backward, prepared
+from .through_events import RunWithEvents
+from .varied_input import Tables
 
 
 @frozen(eq=False)
@@ -32,7 +36,8 @@ class Gradient:
     hat(eta).
     run : of the samples that were kept, or of start and end.
     growth : the norm of the tangent map J from the start to the end, of the worst body: by so much a
-    disturbance grows, and the rounding of the run with it.  Of many sites, where |J| would take a run for
+    disturbance grows, and the rounding of the run with it; through jumps the product of those between them, which is at
+    least |J|.  Of many sites, where |J| would take a run for
     each direction, it is |J^T w|/|w|, w the derivative by the last state, which is at most |J|; with
     running costs None.
     """
@@ -53,15 +58,20 @@ def backwards(plan: Any, what: str, start: Any, steps: Any, t_end: Any, t0: Any,
     """The gradient of a loss, or by a cotangent, of `Plan.gradient` and `Plan.pullback`: what is asked
     for is checked, and the kind of the run found.
     """
-    if plan.recorder is not None or plan.events:
-        other = "records no functions of the state" if plan.recorder else "looks for no events"
-        raise InvalidInput(f"Plan.{what} is of states at the ends of steps; make a plan that {other}")
+    if plan.recorder is not None:
+        raise InvalidInput(
+            f"Plan.{what} is of states at the ends of steps; make a plan that records no functions of them"
+        )
+    if plan.events and (asked.every is not None or asked.along is not None):
+        raise InvalidInput(f"Plan.{what}: with events it is by the last state alone; leave out every and along")
     t0, names = arguments.real(t0, "t0"), arguments.parameters(by, f"Plan.{what}")
     if asked.every is not None:
         asked = asked._replace(every=arguments.count(asked.every, "every", 1))
     elif asked.along is not None:
         asked = asked._replace(every=plan.options.every)
     if plan._sites is not None and goes_by_sites(plan, start, names, asked.loss, asked.along):
+        if plan.events:
+            raise InvalidInput(f"Plan.{what} of many sites looks for no events; make a plan without them")
         value, by_name, run, growth = gradient_by_sites(plan, what, start, steps, t_end, t0, names, asked)
         if growth is not None:
             tell(growth)
@@ -77,11 +87,11 @@ def backwards(plan: Any, what: str, start: Any, steps: Any, t_end: Any, t0: Any,
             "derivative; differences of runs tell it"
         )
     with plan._beginning(start, t0):
-        if not plan.adaptive:
+        if not (plan.adaptive or plan.events):
             return gradient_of(plan, start, plan._count(steps, t_end, t0), t0, names, asked)
         if start.bodies is not None:
             return of_each_body(plan, what, start, steps, t_end, t0, names, asked)
-        return adaptive_gradient_of(plan._of_body(0), start, steps, t_end, t0, names, asked)
+        return gradient_of_body(plan._of_body(0), start, steps, t_end, t0, names, asked)
 
 
 def gradient_of(
@@ -129,14 +139,54 @@ def digits(growth: float) -> int:
     return max(0, math.floor(-math.log10(growth * EPSILON))) if math.isfinite(growth) else 0
 
 
-def adaptive_gradient_of(
+def gradient_of_body(
     plan: Any, start: State, steps: Any, t_end: Any, t0: float, names: tuple[str, ...], asked: Asked
 ) -> Gradient:
-    """The gradient of a run of one body by an error estimate, the lengths of its steps held fixed."""
-    if "h" in names:
+    """The gradient of a run of one body with events, or by an error estimate, the lengths of its steps held fixed."""
+    if "h" in names and plan.adaptive:
         raise InvalidInput("Plan.gradient: h is for fixed steps; the lengths of adaptive ones are held fixed")
+    if plan.events:
+        return gradient_with_events(plan, start, steps, t_end, t0, names, asked)
     run = plan._in_pieces(start, t0, steps, t_end, None, None)
     return gradient_of(in_steps(plan, run.t), start, len(run.t) - 1, 0.0, names, asked, run)
+
+
+def gradient_with_events(
+    plan: Any, start: State, steps: Any, t_end: Any, t0: float, names: tuple[str, ...], asked: Asked
+) -> Gradient:
+    """The gradient of a run of one body that meets events: backwards through its crossings and what lies between."""
+    found = RunWithEvents(plan, start, steps, t_end, t0, names)
+    run, crossings, growth, cotangent = found.run, [*found.changed], 1.0, asked
+    value, sums = None, {}  # type: Any, dict[str, Any]
+    in_full = {
+        name: name if name.startswith("method.") or name in Tables(found.system, names, "Plan.gradient").by_name
+        else full_name(found.system, name, "Plan.gradient")
+        for name in names if name != "start"
+    }  # fmt: skip
+    directions = Directions(found.system, plan.method, start, ("start", *in_full.values()))
+    count = directions.frames.count
+    for first, last in reversed(found.stretches()):
+        between = found.bare, found.state(first), last - first
+        all_names = ("start", *in_full)
+        if plan.adaptive:
+            part = found.part(first, last)
+            of_part = gradient_of(in_steps(between[0], part.t), *between[1:], 0.0, all_names, cotangent, part)
+        else:
+            of_part = gradient_of(*between, run.t.item(first), all_names, cotangent)
+        value, pulled = of_part.value if cotangent is asked else value, of_part["start"]
+        sums = {name: of_part[name] + sums.get(name, 0.0) for name in in_full}
+        growth *= of_part.growth or 1.0
+        if crossings:
+            jacobian, _ = found.through(crossings.pop(), directions, np.eye(count, len(directions.slopes)))
+            growth *= float(np.linalg.norm(jacobian[:, :count], 2))
+            by_name = directions.named((pulled @ jacobian)[None])
+            sums = {name: x + by_name[in_full[name]].reshape(np.shape(x)) for name, x in sums.items()}
+            pulled = by_name["start"][0]
+        cotangent = Asked(None, cotangent=pulled)
+    tell(growth)
+    sums["start"] = pulled
+    ends = found.part(0, len(run.t) - 1, len(run.t) - 1)
+    return Gradient(value, {name: sums[name] for name in names}, ends, growth)
 
 
 def of_each_body(
@@ -164,7 +214,7 @@ def of_each_body(
         parts: Any = {n: x if x is None else np.asarray(x)[i] for n, x in rows.items()}
         of_body = *(x if x is None else x.of(i) for x in losses), parts if isinstance(cotangent, dict) else parts[""]
         gradients.append(
-            adaptive_gradient_of(plan._of_body(i), member(start, i), steps, end, t0, names, Asked(every, *of_body))
+            gradient_of_body(plan._of_body(i), member(start, i), steps, end, t0, names, Asked(every, *of_body))
         )
     gradient = {}
     for name in names:

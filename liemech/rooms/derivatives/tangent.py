@@ -25,7 +25,7 @@ from ...simulation.compiled.control import TAKEN
 from ...simulation.compiled.execution import like
 from ...simulation.compiled.prepared import Steps
 from ...simulation.compiled.systems import Methods, Systems
-from ...simulation.result import AsItIs, of_some, of_tangent
+from ...simulation.result import AsItIs, ends, of_some, of_tangent
 from ...simulation.runs.equal import StraightRun
 from ...simulation.trajectory import TangentTrajectory, Trajectory
 from ...systems.system import State
@@ -184,7 +184,10 @@ def of_bodies(method: Any, runs: list[TangentTrajectory]) -> TangentTrajectory:
     """The runs of all bodies as one."""
     alone = all(run.system is runs[0].system for run in runs)
     system: Any = runs[0].system if alone else Systems(tuple([run.system for run in runs]))
-    together: TangentTrajectory = of_some(runs, system=system, method=method)
+    own = {name: tuple(zip(*[getattr(run, name) for run in runs], strict=True)) for name in ("events", "time_tangents")}
+    together: TangentTrajectory = of_some(
+        runs, system=system, method=method, ended=ends([x.ended for x in runs]), **own
+    )
     return together
 
 

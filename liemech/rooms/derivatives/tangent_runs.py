@@ -13,14 +13,13 @@ from ...systems.system import member
 from ..sites.runs.plan import LARGE
 from .of_sites.tangent import tangent_by_sites
 from .tangent import multiplied, of_bodies, of_one
+from .through_events import tangent_with_events
 
 
 def tangent_of(plan: Any, start: Any, steps: Any, t_end: Any, t0: Any, by: Any, **products: Any) -> TangentTrajectory:
     """The run of `Plan.tangent`, made body by body.  Raises InvalidInput for arguments that do not go together."""
     if plan.recorder is not None:
         raise InvalidInput("Plan.tangent is of the state; make a plan that records no functions of it")
-    if plan.events:
-        raise InvalidInput("Plan.tangent looks for no events; make a plan without them")
     t0 = arguments.real(t0, "t0")
     names = arguments.parameters(by, "Plan.tangent")
     named = [name for name, x in products.items() if x is not None]
@@ -28,17 +27,20 @@ def tangent_of(plan: Any, start: Any, steps: Any, t_end: Any, t0: Any, by: Any, 
         raise InvalidInput(f'Plan.tangent: give one of along and against, and by="start"; got by={by!r}')
     product = (named[0], products[named[0]]) if named else None
     if plan._sites is not None and plan._sites.takes(start):
+        if plan.events:
+            raise InvalidInput("Plan.tangent of many sites looks for no events; make a plan without them")
         by_sites = plan._sites.started(plan, start, t0)
         run_by_sites = _of_sites(plan._sites, by_sites, steps, t_end, t0, names, product)
         if run_by_sites is not None:
             return run_by_sites
     start = plan._started(start, t0)
     with plan._beginning(start, t0):
+        of_body: Any = tangent_with_events if plan.events else of_one
         if start.bodies is None:
-            run = of_one(plan, start, steps, t_end, t0, names)
+            run = of_body(plan, start, steps, t_end, t0, names)
         else:
             ends = arguments.ends(t_end, start.bodies)
-            runs = [of_one(plan._of_body(i), member(start, i), steps, ends[i], t0, names) for i in range(start.bodies)]
+            runs = [of_body(plan._of_body(i), member(start, i), steps, ends[i], t0, names) for i in range(start.bodies)]
             run = of_bodies(plan.method, runs)
     return run if product is None else multiplied(run, *product)
 

@@ -77,6 +77,12 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
         arrays |= {f"tangent.{name}": x for name, x in run.tangent.items()}
         arrays |= {} if run.tau is None else {"tau": run.tau}
         about["tangent"] = list(run.tangent)
+        arrays |= {
+            f"tangent.{k}.{i}.{name}": x
+            for k, event in enumerate(run.time_tangents)
+            for i, by_name in enumerate(event if run.bodies else (event,))
+            for name, x in by_name.items()
+        }
     if isinstance(run.dense, FictiveMotion):
         arrays |= {"dense.t": run.dense.t, "dense.points": run.dense.points}
         if run.dense.begun is not None:
@@ -315,6 +321,14 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
     if "tangent" in about:
         tangent = {name: arrays[f"tangent.{name}"] for name in about["tangent"]}
         fields_of_kind = {"tangent": tangent, "tau": arrays.get("tau")}
+        times = [
+            [
+                {n: arrays[f"tangent.{k}.{i}.{n}"] for n in tangent if n not in ("along", "against")}
+                for i in range(bodies or 1)
+            ]
+            for k in range(len(events))
+        ]
+        fields_of_kind["time_tangents"] = tuple([tuple(x) if bodies else x[0] for x in times])
     return fields_of_kind | {
         "system": system,
         "method": method,

@@ -94,6 +94,8 @@ class Watch:
         self.before = before.counts(events)  # by event, the number of zeros in the run before this one
         # by event, the times of its zeros and the numbers of the states, in the order of the motion
         self.zeros: list[list[tuple[float, np.ndarray]]] = [[] for _ in events]
+        # of all zeros in the order of the motion the event, the time, and the end of the step in which it was looked for
+        self.in_turn: list[tuple[int, float, float]] = []
         # by event, the number of zeros after which it ends the run; 0: it does not
         self.terminal = [int(getattr(event, "terminal", None) or 0) for event in events]
         self.ended: int | None = None  # the number of the event that has ended the run
@@ -101,11 +103,12 @@ class Watch:
         self.since: Any = None  # of the look in which a jump was met the time where it began, and the values there
         self.jumped: dict[int, float] = {}  # by event, the time of its last jump
 
-    def meet(self, zeros: Iterable[Zero]) -> Zero | None:
-        """Keep zeros in the order in which the motion meets them, up to a terminal one or a jump."""
+    def meet(self, zeros: Iterable[Zero], ends: np.ndarray) -> Zero | None:
+        """Keep zeros in the order in which the motion meets them, up to a terminal one or a jump.  ends : of the steps."""
         for zero in zeros:
-            _, at, i, numbers = zero
+            step, at, i, numbers = zero
             self.zeros[i].append((at, numbers))
+            self.in_turn.append((i, at, ends.item(step)))
             if self.before[i] + len(self.zeros[i]) == self.terminal[i]:
                 self.ended = i
                 return zero
@@ -341,7 +344,7 @@ class Events:
         for zero in zeros:
             of_each.setdefault(int(piece.body[zero[0]]), []).append(zero)
         for i, met in of_each.items():
-            hit = self.each[i].meet(met)
+            hit = self.each[i].meet(met, piece.b)
             if hit is not None:
                 hits[i] = hit
             if hit is not None and self.each[i].jumps[hit[2]]:

@@ -1,0 +1,319 @@
+"""Derivatives of runs that meet events: the steps in which the state jumps one by one, between them those of any run.
+
+A jump y+ = then(t, y-) at the zero of an event w takes tangents to
+
+    Xi = D then + (f+ - D then f- - then_t) grad w / (w_t + grad w . f-),
+
+and the time of the zero changes by dt = -(grad w . dy-) / (w_t + grad w . f-).  Here the rates f are not those of the motion
+but the derivatives of the two steps, to the zero and from it, by their lengths: it is the derivative of the steps as made.
+
+Source: di Bernardo, Budd, Champneys and Kowalczyk, Piecewise-smooth Dynamical Systems (2008), section 2.5; Aizerman and
+Gantmakher, Q. J. Mech. Appl. Math. 11 (1958), 225.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ...errors import IncompatibleSystem, InvalidInput
+from ...formulas import Vec
+from ...formulas.classes.flattening import build, leaves
+from ...formulas.classes.layouts import layout_of, restricted
+from ...formulas.numbers.dual import Dual
+from ...formulas.numbers.sizes import EPSILON
+from ...formulas.vectors import small
+from ...groups.retractions import Exponential
+from ...integrators.ending_at_jumps import ending_at_jumps
+from ...simulation import arguments
+from ...simulation.between.dense import packed
+from ...simulation.between.events import name_of
+from ...simulation.between.jump import Jump
+from ...simulation.compiled.driver import on_the_way
+from ...simulation.trajectory import TangentTrajectory, Trajectory
+from ...systems.system import small_state
+from .differences import EIGHTH
+from .directions import Directions, dual_of
+from .frames import LEVEL, group_of
+from .tangent import adaptive_tangent_run, tangent_run
+
+GRAZING = math.sqrt(EPSILON / 1e-6)
+"""The rate of an event in its zero over its mean rate in the step there, below which rounding has a millionth of the
+derivative of the time.
+"""
+
+SMALL = 2.0**-10
+"""The part of a state, of a step and of parameters by which they differ where a jump is differentiated by differences."""
+
+
+class Crossing:
+    """A step, or some, of which the last parts come after jumps; or a step in which events are zero without a jump.
+
+    first, last : the rows of the run where they begin and end.  zeros : of each the event, the time, and the end of the
+    step in which it was looked for.
+    """
+
+    def __init__(self, first: int, last: int) -> None:
+        self.first, self.last, self.zeros = first, last, []  # type: int, int, list[tuple[int, float, float]]
+
+
+class RunWithEvents:
+    """The run of one body, all of whose steps are kept, and the steps in which it meets events.
+
+    bare : the plan without events.  crossings : in the order of the motion.  changed : those that change the motion.
+    """
+
+    def __init__(self, plan: Any, start: Any, steps: Any, t_end: Any, t0: float, names: tuple[str, ...]) -> None:
+        if plan.fictive or "h" in names:
+            what = "in fictive time" if plan.fictive else "by h, with which the times of the steps move,"
+            raise IncompatibleSystem(
+                f"Plan.tangent: {what} there is no derivative with events; make a plan without them"
+            )
+        self.adaptive, self.events = plan.adaptive, plan.events
+        kept = plan if plan.adaptive else plan.replace(every=1)
+        self.bare = kept.replace(events=())
+        made = kept.kind_of_run(start, t_end, None)(kept, start, t0, steps, t_end, None, None)
+        self.run: Trajectory = made.trajectory()
+        self.system, self.method = plan._one, plan.method
+        self.sign = float(made.sign[0])
+        self.crossings = [*self._crossings(made.events.each[0].in_turn)]
+        self.changed = [crossing for crossing in self.crossings if crossing.last > crossing.first]
+
+    def _crossings(self, zeros: list[tuple[int, float, float]]) -> Iterator[Crossing]:
+        """The crossings of a run that has met these zeros in turn."""
+        t, row, open_ = self.run.t, 0, None  # type: np.ndarray, int, Crossing | None
+        for n, zero in enumerate(zeros):
+            begin = row
+            while row + 1 < len(t) and self.sign * t[row + 1] < self.sign * zero[1]:
+                row += 1
+            if open_ is not None and row != begin:
+                yield self._closed(open_, begin)
+                open_ = None
+            ended = self.run.ended is not None and n == len(zeros) - 1
+            jumps = isinstance(self.events[zero[0]], Jump) and not ended
+            if open_ is None:
+                crossing = Crossing(row, row)
+                crossing.zeros.append(zero)
+                if not (jumps or ended):
+                    yield crossing
+                    continue
+                open_ = crossing
+            else:
+                open_.zeros.append(zero)
+            row += 2 if jumps else 0
+        if open_ is not None:
+            yield self._closed(open_, row)
+
+    def _closed(self, crossing: Crossing, row: int) -> Crossing:
+        """A crossing of which the last part begins at a row."""
+        crossing.last = min(row + 1, len(self.run.t) - 1)
+        return crossing
+
+    def state(self, row: int) -> Any:
+        """The state at a row, as formulas take it."""
+        kind = type(self.run.last)
+        return small_state(kind, {name: x[row] for name, x in self.run.states.items()})
+
+    def stretches(self) -> list[tuple[int, int]]:
+        """The first and the last rows between crossings that change the motion, before them and behind."""
+        begins = [0, *[crossing.last for crossing in self.changed]]
+        ends = [*[crossing.first for crossing in self.changed], len(self.run.t) - 1]
+        return [*zip(begins, ends, strict=True)]
+
+    def part(self, first: int, last: int, every: int = 1) -> Trajectory:
+        """The run from a row to another one, of whose rows in between every n-th is kept."""
+        rows, run = slice(first, last + 1, max(1, every)), self.run
+        return dataclasses.replace(run, t=run.t[rows], states={name: x[rows] for name, x in run.states.items()})
+
+    def stretch(self, first: int, last: int, names: tuple[str, ...]) -> np.ndarray:
+        """The tangents from a row at it and at those behind it, up to the last one, (n, N, directions)."""
+        start = self.state(first)
+        if self.adaptive:
+            found = adaptive_tangent_run(self.bare, self.part(first, last), start, names)
+        else:
+            found = tangent_run(self.bare, start, last - first, self.run.t.item(first), names)
+        return np.concatenate([found.tangent[name] for name in names], axis=2)
+
+    # ---------------------------------------------------------------- a crossing
+
+    def leg(self, method: Any, system: Any, t: Any, state: Any, h: Any, end: Any = None) -> Any:
+        """The state after a time h, inside of a step to the time `end`; of fixed steps after a step of the length h."""
+        if end is None or not self.adaptive or method.shortens:
+            return method.observe(method.step(system, t, method.start(system, state, h), h))
+        of_plan, xi = self.bare._steps, system.rate(t, system.essential_part(state))
+        trial = method.trial(system, t, state, xi, end - t, of_plan.rtol, of_plan.atol, True)
+        return on_the_way(method.retraction, system, state, trial.curve, h / (end - t))
+
+    def rate(self, event: Any, t: float, state: Any, at: float, end: float) -> float:
+        """The rate of an event at its zero, by the length of the step there.  Raises InvalidInput where it grazes."""
+        moved = self.leg(self._way(self.method), self.system, t, state, Dual(at - t, 1.0, LEVEL), end)
+        value = event(Dual(at, 1.0, LEVEL), moved)
+        rate, mean = slope(value), abs(event(t, state) / (at - t)) if at != t else 0.0
+        if not abs(rate) > GRAZING * mean:
+            raise InvalidInput(
+                f"Plan.tangent: {name_of(event)} grazes its zero at t = {at:.10g}, its rate there is {rate:.1e}, on the way "
+                f"to it {mean:.1e}: the time of the zero has no derivative. Begin elsewhere, or end the run before"
+            )
+        return rate
+
+    def through(
+        self, crossing: Crossing, directions: Directions, tangent: np.ndarray
+    ) -> tuple[np.ndarray, list[np.ndarray]]:
+        """The tangents behind a crossing, (N, directions), and the derivatives of the times of its zeros, (directions,)
+        each.  tangent : (N, directions) where it begins.
+        """
+        frames, state = directions.frames, self.state(crossing.first)
+        t, end = self.run.t.item(crossing.first), self.run.t.item(crossing.last)
+        moves, layout = tangent.T @ frames.basis(self.points(crossing.first))[0], layout_of(state)
+        of_method, of_system, _ = directions.places
+        rows = directions.slopes
+        systems = [directions.varied.get(k, directions.system) for k in range(len(rows))]
+        ways = [
+            (self._way(dual_of(directions.method, row[of_method])), dual_of(system, row[of_system]))
+            for system, row in zip(systems, rows)
+        ]
+        states, clocks, times = [dual_of(state, move) for move in moves], [Dual(t, 0.0, LEVEL)] * len(rows), []
+        at_end = None  # where the run ends inside of a step
+        for number, at, whole in crossing.zeros:
+            event = self.events[number]
+            rate = self.rate(event, t, state, at, whole)
+            ends = [self.leg(*way, c, y, at - c, whole) for way, c, y in zip(ways, clocks, states)]
+            times.append(np.array([-slope(event(at, y)) / rate for y in ends]))
+            at_end = whole if self.run.ended == number and at == end else None
+            if at_end is not None or not isinstance(event, Jump):
+                continue
+            later = [Dual(at, dt, LEVEL) for dt in times[-1].tolist()]
+            ends = [self.leg(*way, c, y, l - c, whole) for way, c, y, l in zip(ways, clocks, states, later)]
+            before = self.leg(self._way(self.method), self.system, t, state, at - t, whole)
+            state, t, clocks = self.behind(event, self.system, at, before), at, later
+            states = [
+                self._jumped(event, system, row[of_system], at, dt, before, frames, split(y, layout)[1])
+                for system, row, dt, y in zip(systems, rows, times[-1].tolist(), ends)
+            ]
+            states = [dual_of(state, x) for x in states]
+        if crossing.last == crossing.first:
+            return tangent, times
+        if end != t:
+            rest = [self.leg(*way, c, y, end - c, at_end) for way, c, y in zip(ways, clocks, states)]
+        else:  # where the run ends with a jump
+            xi = self.system.rate(t, self.system.essential_part(state))
+            rest = [self.system.displaced(Exponential(), y, (end - c) * xi) for c, y in zip(clocks, states)]
+        changes = np.array([split(y, layout)[1] for y in rest])
+        return frames.components(self.points(crossing.last), changes[None])[0].T, times
+
+    def points(self, row: int) -> dict[str, np.ndarray]:
+        """The parts of the state at a row, with a leading axis."""
+        return {name: x[[row]] for name, x in self.run.states.items()}
+
+    def _way(self, method: Any) -> Any:
+        """The method as runs make its steps."""
+        of_plan = self.bare._steps
+        return method if self.adaptive else ending_at_jumps(method, self.system, of_plan.breaks)
+
+    def behind(self, event: Any, system: Any, at: float, before: Any) -> Any:
+        """The state behind a jump, in the layout of the one before it."""
+        after = arguments.started(system, event.jump_of(system).after(at, before), None, at)
+        return restricted(after, layout_of(before))
+
+    def _jumped(
+        self, event: Any, system: Any, of_system: np.ndarray, at: float, shift: float, before: Any, frames: Any,
+        move: np.ndarray,
+    ) -> np.ndarray:  # fmt: skip
+        """The derivative of the numbers behind a jump by differences: along a change of all numbers before it, of its time
+        and of the numbers of the system.
+        """
+        points = {name: np.asarray(x)[None] for name, x in before.parts.items() if x is not None}
+        along = frames.components(points, move[None, None])[0, 0]
+        layout = layout_of(system)
+        numbers = np.array(leaves(system, layout))
+
+        def behind(x: float) -> np.ndarray:
+            parts, k = dict(before.parts), 0
+            for name, size in frames.sizes.items():
+                part, change = parts[name], x * along[k : k + size]
+                group, k = group_of(self.system) if name == "g" else None, k + size
+                if group is not None:
+                    parts[name] = group.compose_exp(part, Vec(*change.tolist()))
+                else:
+                    array = np.asarray(part)
+                    parts[name] = small(array + np.tensordot(change, frames.of[name](array[None])[0], 1))
+            moved = build(layout, iter((numbers + x * of_system).tolist())) if of_system.any() else system
+            return packed(self.behind(event, moved, at + x * shift, type(before)(*parts.values())))
+
+        size, here = max([np.abs(x).max() for x in points.values()]), numbers != 0.0
+        changes = np.abs(along) / (size or 1.0), np.abs(of_system[here] / numbers[here]), [abs(shift) / self.near(at)]
+        largest = float(np.concatenate(changes).max())
+        try:
+            step = SMALL / (largest or 1.0)
+            return sum(weight * (behind(k * step) - behind(-k * step)) for k, weight in EIGHTH) / step
+        except Exception as error:
+            raise IncompatibleSystem(
+                f"Plan.tangent: then(t, state) of the jump at t = {at:g} is differentiated by differences, at states beside "
+                f"the one where it is made; there it raised {type(error).__name__}: {error}"
+            ) from error
+
+    def near(self, at: float) -> float:
+        """The length of the longest step near a time."""
+        k = int(np.searchsorted(self.sign * self.run.t, self.sign * at))
+        return float(np.abs(np.diff(self.run.t[max(0, k - 2) : k + 3])).max())
+
+
+# ------------------------------------------------------------------ tangent maps
+
+
+def tangent_with_events(
+    plan: Any, start: Any, steps: Any, t_end: Any, t0: float, names: tuple[str, ...]
+) -> TangentTrajectory:
+    """The run of one body with its tangent map, and the derivatives of the times of its events; of its samples those at
+    the ends of steps.
+    """
+    of_events = RunWithEvents(plan, start, steps, t_end, t0, names)
+    run, all_names = of_events.run, ("start", *[name for name in names if name != "start"])
+    whole = Directions(of_events.system, plan.method, start, all_names)
+    count, crossings = whole.frames.count, [*of_events.crossings]
+    tangent = np.eye(count, len(whole.slopes))
+    rows: list[np.ndarray] = []
+    tangents: list[np.ndarray] = []
+    times: list[list[np.ndarray]] = [[] for _ in plan.events]
+    for first, last in of_events.stretches():
+        of_stretch = of_events.stretch(first, last, all_names)
+        here = of_stretch[:, :, :count] @ tangent
+        here[:, :, count:] += of_stretch[:, :, count:]
+        rows.append(np.arange(first, last + 1))
+        tangents.append(here)
+        while crossings and crossings[0].first <= last:
+            crossing = crossings.pop(0)
+            tangent, found = of_events.through(crossing, whole, here[crossing.first - first])
+            for (number, _, _), dt in zip(crossing.zeros, found):
+                times[number].append(dt)
+    kept = np.concatenate(rows)
+    if not plan.adaptive:  # of fixed steps every n-th, and the end
+        h = plan._steps.h
+        n = np.rint((run.t[kept] - t0) / h)
+        of_plan = (n % plan._steps.every == 0) | (kept == kept[-1])
+        kept, tangents = kept[of_plan], [np.concatenate(tangents)[of_plan]]
+    named = whole.named(np.concatenate(tangents))
+    shapes = [np.array(found).reshape(-1, 1, len(whole.slopes)) for found in times]
+    by_event = tuple([{name: x[:, 0] for name, x in whole.named(each).items() if name in names} for each in shapes])
+    fields = {"system": of_events.system, "method": plan.method, "h": run.h, "bodies": None, "steps": run.steps}
+    return TangentTrajectory(
+        **fields, t=run.t[kept], states={name: x[kept] for name, x in run.states.items()}, rejected=run.rejected,
+        compiled=run.compiled, events=run.events, ended=run.ended, time_tangents=by_event,
+        tangent={name: named[name] for name in names},
+    )  # fmt: skip
+
+
+def slope(number: Any) -> float:
+    """The derivative that a number carries."""
+    return float(number.slope) if isinstance(number, Dual) else 0.0
+
+
+def split(state: Any, layout: Any) -> tuple[np.ndarray, np.ndarray]:
+    """The numbers of a state, and the derivatives that they carry.  layout : of the state without them."""
+    both = [(x.value, x.slope) if isinstance(x, Dual) else (x, 0.0) for x in leaves(state, layout)]
+    values, slopes = np.array(both, dtype=float).reshape(-1, 2).T
+    return values, slopes
