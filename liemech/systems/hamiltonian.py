@@ -39,6 +39,10 @@ class Hamiltonian(Record):
         """The velocity, were a site that is held free."""
         return self.gradient(mu)
 
+    by_pairs: ClassVar[bool] = (
+        False  # does it know velocities as pairs, `velocity_pair`, of a group over the dual numbers?
+    )
+
     @derived
     def velocity_matrix(self, algebra: Any, m: Mat) -> Mat:
         """The velocity as a matrix, hat(dH/dmu), from the matrix M that stands for the momentum: what

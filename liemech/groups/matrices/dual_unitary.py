@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ...formulas import record
+from ...formulas.large_maps import LinearMap
 from .classical import U
 from .matrix_basis import SMALL, SparseBasis
 from .matrix_group import MatrixLieGroup, named_by_size, whole_number
@@ -34,6 +35,36 @@ class DualUnitary(MatrixLieGroup):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "n", whole_number(type(self).__name__, self.n, SMALL // 2 + 1))
+
+    over_duals: ClassVar[bool] = True
+
+    @cached_property
+    def maps(self) -> tuple[LinearMap, ...]:
+        """Of matrices of blocks the sum of those on the diagonal, and the corner; from a matrix the diagonal, and the corner."""
+        n, diagonal, corner = self.n, as_blocks(self.n, (0, 0), (1, 1)), as_blocks(self.n, (0, 1))
+        matrix, blocks = ((n, n), True), ((2 * n, 2 * n), True)
+        down = LinearMap(diagonal.T, blocks, matrix), LinearMap(corner.T, blocks, matrix)
+        return (*down, LinearMap(diagonal, matrix, blocks), LinearMap(corner, matrix, blocks))
+
+    def pair_of_momentum(self, m: Any) -> tuple[Any, Any]:
+        """Theta and W of Theta + eps W, from the matrix [[W/2, Theta], [0, W/2]] of a momentum."""
+        total, corner, *_ = self.maps
+        return corner(m), total(m)
+
+    def of_momentum(self, pair: tuple[Any, Any]) -> Any:
+        """The inverse of `pair_of_momentum`."""
+        *_, diagonal, corner = self.maps
+        return diagonal(0.5 * pair[1]) + corner(pair[0])
+
+    def pair_of_velocity(self, x: Any) -> tuple[Any, Any]:
+        """x and y of x + eps y, from the matrix [[x, y], [0, x]]."""
+        total, corner, *_ = self.maps
+        return 0.5 * total(x), corner(x)
+
+    def of_velocity(self, pair: tuple[Any, Any]) -> Any:
+        """The inverse of `pair_of_velocity`."""
+        *_, diagonal, corner = self.maps
+        return diagonal(pair[0]) + corner(pair[1])
 
     @cached_property
     def generators(self) -> np.ndarray:

@@ -5,7 +5,7 @@ NumPy for large ones.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -137,6 +137,8 @@ class MatrixLieGroup(LieGroup):
             ):
                 return tuple(float(x) for x in np.real(diagonal))
         return None
+
+    over_duals: ClassVar[bool] = False  # are its elements and momenta pairs, matrices over the dual numbers?
 
     @cached_property
     def keeps_lengths(self) -> bool:

@@ -4,11 +4,14 @@ matrices.
 W = M^H belongs to the momentum mu, <mu, xi> = Re tr(M^H hat(xi)), and X = hat(dH/dmu).  What is
 found of a stage is what it adds to W, so that a step rounds by that alone.
 
+Of a group over the dual numbers W and X are pairs, a matrix and what eps multiplies, eps^2 = 0; their products are three.
+
 Source: Modin and Viviani, Lie-Poisson methods for isospectral flows, Found. Comput. Math. 20 (2020).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from ...formulas import Complex, Mat, atan2, cos, exp, log, plain, sin, sqrt
@@ -25,18 +28,27 @@ from ..rkmk import combination
 def matrix_of(system: Any, mu: Any) -> Mat:
     """W of a momentum; of antihermitian matrices M itself, which moves like -M = M^H."""
     m = system.group.algebra.covector(mu)
+    if system.group.over_duals:
+        return system.group.pair_of_momentum(m)
     return m if system.group.keeps_lengths else adjoint(m)
 
 
 def momentum_of(system: Any, w: Mat) -> Any:
     """The momentum of W: of a matrix outside of the algebra that of its orthogonal projection."""
+    if system.group.over_duals:
+        w = system.group.of_momentum(w)
+        return system.group.algebra.pairing(w)
     return system.group.algebra.pairing(w if system.group.keeps_lengths else adjoint(w))
 
 
 def velocity_of(system: Any, w: Mat) -> Mat:
     """The velocity X = hat(dH/dmu) as a matrix."""
-    m = w if system.group.keeps_lengths else adjoint(w)
-    return system.velocity_matrix(m)
+    group = system.group
+    if group.over_duals:
+        if system.hamiltonian.by_pairs:
+            return system.hamiltonian.velocity_pair(group.algebra, w)
+        return group.pair_of_velocity(system.velocity_matrix(group.of_momentum(w)))
+    return system.velocity_matrix(w if group.keeps_lengths else adjoint(w))
 
 
 def midpoint(system: Any, w0: Mat, guess: Mat, method: Any, h: float) -> tuple[Mat, Mat]:
@@ -55,21 +67,21 @@ def midpoint_sweep(system: Any, w0: Mat, w: Mat, h: float) -> tuple[tuple[Mat, M
     """W anew, and [P, W]; its change and its size.  Where all matrices are antihermitian W P is the
     adjoint of P W, and the new W is antihermitian to the bit.
     """
-    p = (0.5 * h) * velocity_of(system, w)
-    pw = p @ w
-    pwp = pw @ p
-    if system.group.keeps_lengths:
-        turned = antihermitian(pw)
-        new = (w0 - turned) + 0.5 * antihermitian(pwp)
+    p = each(lambda x: (0.5 * h) * x, velocity_of(system, w))
+    pw = product(p, w)
+    pwp = product(pw, p)
+    if system.group.over_duals or system.group.keeps_lengths:
+        turned = each(antihermitian, pw)
+        new = each(lambda a, b, c: (a - b) + 0.5 * antihermitian(c), w0, turned, pwp)
     else:
         turned = pw - w @ p
         new = (w0 - turned) + pwp
-    return (new, turned), sqrt(apart2(new, w)), sqrt(frobenius2(magnitudes(new)))
+    return (new, turned), sqrt(apart2(new, w)), sqrt(size2(new))
 
 
 def midpoint_turn(system: Any, w: Mat, h: float) -> Mat:
     """(1 + P)(1 - P)^-1 - 1: how an element turns in the step whose middle is W."""
-    p = (0.5 * h) * velocity_of(system, w)
+    p = in_group(system, each(lambda x: (0.5 * h) * x, velocity_of(system, w)))
     return on_group(system.group, solve_matrix(plus(-p, 1.0), 2.0 * p))
 
 
@@ -114,18 +126,22 @@ def stages_sweep(
     change, size = 0.0, 0.0
     for i, row in enumerate(rows):
         q, r = increments(system, row, found)
-        b = (-h) * velocity_of(system, w0 + conjugated(system, w0, q, r))
-        new: tuple[Mat, ...] = (b + b @ q,)
-        if not system.group.keeps_lengths:
+        w = each(lambda a, b: a + b, w0, conjugated(system, w0, q, r))
+        b = each(lambda x: (-h) * x, velocity_of(system, w))
+        new: tuple[Mat, ...] = (each(lambda x, y: x + y, b, product(b, q)),)
+        if not (system.group.over_duals or system.group.keeps_lengths):
             new = (*new, -(b + r @ b))
         for a, c in zip(new, found[i]):
-            change, size = change + apart2(a, c), size + frobenius2(magnitudes(a))
+            change, size = change + apart2(a, c), size + size2(a)
         found = (*found[:i], new, *found[i + 1 :])
     return found, sqrt(change), sqrt(size)
 
 
 def increments(system: Any, row: Row, found: tuple[Any, ...]) -> tuple[Mat, Mat]:
     """Q - 1 and R - 1 for the weights of a row."""
+    if system.group.over_duals:
+        q = tuple([combination(row, [of_stage[0][k] for of_stage in found]) for k in (0, 1)])
+        return q, each(adjoint, q)
     q = combination(row, [of_stage[0] for of_stage in found])
     if system.group.keeps_lengths:
         return q, adjoint(q)
@@ -134,11 +150,30 @@ def increments(system: Any, row: Row, found: tuple[Any, ...]) -> tuple[Mat, Mat]
 
 def conjugated(system: Any, w: Mat, q: Mat, r: Mat) -> Mat:
     """(1 + q) W (1 + r) - W."""
-    left = q @ w
-    both = left @ r
-    if system.group.keeps_lengths:
-        return antihermitian(left) + 0.5 * antihermitian(both)
+    left = product(q, w)
+    both = product(left, r)
+    if system.group.over_duals or system.group.keeps_lengths:
+        return each(lambda a, b: antihermitian(a) + 0.5 * antihermitian(b), left, both)
     return (left + w @ r) + both
+
+
+def in_group(system: Any, x: Any) -> Mat:
+    """The matrix of the algebra of the group that a velocity, or a turn, is."""
+    return system.group.of_velocity(x) if system.group.over_duals else x
+
+
+def product(a: Any, b: Any) -> Any:
+    """A B, of pairs over the dual numbers."""
+    if isinstance(a, tuple):
+        return a[0] @ b[0], a[0] @ b[1] + a[1] @ b[0]
+    return a @ b
+
+
+def each(function: Callable[..., Any], *x: Any) -> Any:
+    """A real linear function of matrices, of pairs part by part."""
+    if isinstance(x[0], tuple):
+        return tuple([function(*parts) for parts in zip(*x)])
+    return function(*x)
 
 
 def antihermitian(m: Mat) -> Mat:
@@ -147,5 +182,12 @@ def antihermitian(m: Mat) -> Mat:
 
 
 def apart2(a: Mat, b: Mat) -> Any:
-    """The squared distance |a - b|^2 of two matrices, derivatives included."""
+    """The squared distance |a - b|^2 of two matrices, or pairs of them, derivatives included."""
+    if isinstance(a, tuple):
+        return apart2(a[0], b[0]) + apart2(a[1], b[1])
     return distance2(a, b) if isinstance(a, Large) else frobenius2(magnitudes(a - b))
+
+
+def size2(a: Any) -> Any:
+    """The sum of the squares of the entries of a matrix, or of a pair, derivatives included."""
+    return size2(a[0]) + size2(a[1]) if isinstance(a, tuple) else frobenius2(magnitudes(a))

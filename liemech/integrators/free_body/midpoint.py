@@ -237,8 +237,8 @@ class Isospectral(Implicit):
             w = isospectral_matrices.matrix_of(system, state.mu)
             if self.order == 2:
                 return w
-            b = (-h) * isospectral_matrices.velocity_of(system, w)
-            both = (b,) if system.group.keeps_lengths else (b, -b)
+            b = isospectral_matrices.each(lambda x: (-h) * x, isospectral_matrices.velocity_of(system, w))
+            both = (b,) if system.group.over_duals or system.group.keeps_lengths else (b, -b)
             return (both,) * (self.order // 2)
         first = system.group.algebra.hat(-h * system.velocity(state.mu))
         return tuple([first for _ in range(self.order // 2)])
@@ -260,7 +260,7 @@ class Isospectral(Implicit):
         g = state.g
         if self.order == 2:
             stages, turned = isospectral_matrices.midpoint(system, w, guess, self, h)
-            change = -2.0 * turned
+            change = isospectral_matrices.each(lambda x: -2.0 * x, turned)
             if g is not None:
                 g = g + g @ isospectral_matrices.midpoint_turn(system, stages, h)
         else:
@@ -268,7 +268,7 @@ class Isospectral(Implicit):
             q, r = isospectral_matrices.increments(system, self.tableau[1], stages)
             change = isospectral_matrices.conjugated(system, w, q, r)
             if g is not None:
-                g = g + g @ isospectral_matrices.on_group(system.group, r)
+                g = g + g @ isospectral_matrices.on_group(system.group, isospectral_matrices.in_group(system, r))
         mu = state.mu + isospectral_matrices.momentum_of(system, change)
         return Memory(BodyState(mu, g), memory.node, (stages, *memory.past[:-1]))
 

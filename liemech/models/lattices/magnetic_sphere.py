@@ -10,7 +10,7 @@ import numpy as np
 
 from ...formulas import Mat, Vec, dot, record
 from ...formulas.large_maps import LinearMap
-from ...groups.matrices.dual_unitary import DualUnitary, as_blocks, pair_of
+from ...groups.matrices.dual_unitary import DualUnitary, pair_of
 from ...systems.hamiltonian import Hamiltonian
 from ...systems.lagrangian import Lagrangian
 from ...systems.lie_poisson import BodyState, LiePoissonSystem
@@ -25,6 +25,8 @@ class MagneticEnergy(Hamiltonian):
     Source: Modin and Roop, IMA J. Numer. Anal. (2025), draf024.
     """
 
+    by_pairs: ClassVar[bool] = True
+
     n: int
 
     @cached_property
@@ -38,16 +40,10 @@ class MagneticEnergy(Hamiltonian):
         return DualUnitary(self.n)
 
     @cached_property
-    def maps(self) -> tuple[LinearMap, ...]:
-        """Maps from a matrix M to W, from x to [[x, 0], [0, x]], and from M to [[0, y], [0, 0]]."""
-        n, diagonal, corner = self.n, as_blocks(self.n, (0, 0), (1, 1)), as_blocks(self.n, (0, 1))
-        matrix, blocks = ((n, n), True), ((2 * n, 2 * n), True)
-        current = -self.flow.factor * (corner @ laplacian_matrix(n) @ corner.T)
-        return (
-            LinearMap(diagonal.T, blocks, matrix),
-            LinearMap(diagonal, matrix, blocks),
-            LinearMap(current, blocks, blocks),
-        )
+    def current(self) -> LinearMap:
+        """The map from Theta to y = -i J/hbar."""
+        matrix = (self.n, self.n), True
+        return LinearMap(-self.flow.factor * laplacian_matrix(self.n), matrix, matrix)
 
     def energy(self, mu: Vec) -> float:
         """The energy of flow and field.  mu : (2 N^2,)."""
@@ -61,8 +57,12 @@ class MagneticEnergy(Hamiltonian):
 
     def velocity_matrix(self, algebra: Any, m: Mat) -> Mat:
         """x = -i Psi/hbar and y = -i J/hbar, Delta_N Psi = F, J = Delta_N A, as blocks.  m : (2 N, 2 N)."""
-        vorticity, on_diagonal, current = self.maps
-        return on_diagonal(self.flow.velocity_matrix(algebra, vorticity(m))) + current(m)
+        return self.group.of_velocity(self.velocity_pair(algebra, self.group.pair_of_momentum(m)))
+
+    def velocity_pair(self, algebra: Any, pair: tuple[Any, Any]) -> tuple[Any, Any]:
+        """The velocity x + eps y of the momentum Theta + eps W."""
+        theta, w = pair
+        return self.flow.velocity_matrix(algebra, w), self.current(theta)
 
 
 @record
