@@ -185,3 +185,39 @@ def test_what_does_not_roll_is_refused():
         lm.ConstrainedBody(lm.RigidBody(J), Row([0.0, 0.0, 1.0]))
     with pytest.raises(lm.errors.InvalidType, match=r"matrix must return lm.mat\(...\), \(m, 3\)"):
         lm.NonholonomicBody(lm.RigidBody(J), Row([0.0, 0.0, 1.0, 0.0]))
+
+
+@lm.record
+class Gear(lm.VelocityConstraint):
+    """Two oscillators x, z whose gear a third body turns, x' + sin(y) z' = 0."""
+
+    def matrix(self, g):
+        return lm.mat(lm.vec(1.0, 0.0, lm.formulas.sin(g[1])))
+
+
+@lm.record
+class Driver(lm.Potential):
+    """The springs of x and z, and -cos y + a sin 2 y of a pendulum that turns over and over."""
+
+    a: float
+
+    def energy(self, g):
+        y = g[1]
+        return 0.5 * (g[0] * g[0] + g[2] * g[2]) - lm.formulas.cos(y) + self.a * lm.formulas.sin(2.0 * y)
+
+
+@pytest.mark.slow
+@pytest.mark.compiled
+@pytest.mark.parametrize("method", [lm.LagrangeDAlembert(), lm.Composition(lm.LagrangeDAlembert(), order=4)])
+def test_no_method_holds_the_energy_where_the_motion_has_no_way_back(method):
+    """A test of the kind of Modin and Verdier, Numer. Math. 145 (2020), 405: for a = 0 turning the sign of y with that of
+    the velocities reverses the motion, and the energy stays in its band; for a = 0.3 nothing does, and it leaves it.
+    """
+    free = lm.LiePoissonSystem(lm.VectorSpace(3), lm.KineticEnergy([1.0] * 3))
+    for a, holds in ((0.0, True), (0.3, False)):
+        body = lm.NonholonomicBody(lm.MechanicalSystem(free, Driver(a)), Gear())
+        start = body.consistent(mu=[0.0, 2.3, 0.6], g=[0.8, 0.3, 0.5])
+        energy = lm.integrate(body, method, start, h=0.2, steps=20_000, every=10).energy
+        first, last = energy[:500], energy[-500:]
+        moved = abs(last.mean() - first.mean()) / np.ptp(last)
+        assert moved < 0.02 if holds else moved > 1.5
