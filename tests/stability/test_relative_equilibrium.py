@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+import warnings
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -400,6 +401,44 @@ def test_where_there_is_none_it_says_so() -> None:
     kepler = lm.DoubleBracket(body, 0.1) if hasattr(lm, "DoubleBracket") else lm.models.ChainPendulum(2)
     with pytest.raises(lm.errors.IncompatibleSystem, match="wanted is a LiePoissonSystem"):
         lm.relative_equilibrium(kepler, body.state(mu=np.ones(3)))
+
+
+@lm.record
+class InnermostOrbit(lm.SeparableSystem):
+    """A point in the plane, V = -1/r - b/r^3: circular orbits at r^2 - J^2 r + 3 b = 0, two for J^4 > 12 b, none below."""
+
+    degrees: ClassVar[int] = 2
+    b: float
+
+    def kinetic(self, p: Any) -> Any:
+        return lm.dot(p, p) / 2.0
+
+    def potential(self, q: Any) -> Any:
+        r = lm.formulas.sqrt(lm.dot(q, q))
+        return -1.0 / r - self.b / (r * r * r)
+
+
+def test_near_a_fold_it_says_where_newton_went() -> None:
+    """With 12 b = 1 the orbits merge at J = 1, r = 1/2; the outer one is stable, the inner one not."""
+    system = InnermostOrbit(1.0 / 12.0)
+
+    def near(J: float, r: float) -> Any:
+        return lm.relative_equilibrium(system, system.state(q=[r, 0.0], p=[0.01, J / r]))
+
+    for J, r, sign in ((1.05, 0.7, 1), (1.05, 0.3, -1), (1.001, 0.55, 1), (1.001, 0.45, -1)):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            found = near(J, r)
+        radius = 0.5 * (J**2 + sign * math.sqrt(J**4 - 1.0))
+        assert np.linalg.norm(found.state.q) == pytest.approx(radius, rel=1e-9)
+        square = 3.0 * J**2 / radius**4 - 2.0 / radius**3 - 1.0 / radius**5
+        assert found.verdict == ("stable" if sign > 0 else "unstable")
+        assert np.abs(found.eigenvalues**2 + square).max() < 1e-6 * abs(square)
+    with pytest.warns(RuntimeWarning, match=r"0 negative squares at the guess and 1 at .* a fold, .* small steps"):
+        jumped = near(1.0001, 0.7)
+    assert jumped.verdict == "unstable"
+    with pytest.raises(lm.errors.NoConvergence, match=r"as beyond a fold, where two .* small steps of its momenta"):
+        near(0.999, 0.55)
 
 
 def test_it_prints_what_it_is() -> None:

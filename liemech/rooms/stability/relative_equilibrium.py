@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InvalidInput, NoConvergence
+from ...errors import InvalidInput, NoConvergence, warn
 from ...formulas import vec
 from ...formulas.classes.frozen import frozen
 from ...groups.matrices.skew_matrices import like_sizes
@@ -132,7 +132,8 @@ def relative_equilibrium(system: Any, guess: Any) -> RelativeEquilibrium:
     Newton's method for the critical point of H - sum_a w_a J_a at J_a = j_a, each step the shortest one, as states that
     the symmetries move to are equilibria too.  Returns a RelativeEquilibrium, with its frequencies and a verdict.
     Raises IncompatibleSystem for other systems, InvalidInput for units in which squares leave the range of numbers,
-    NoConvergence if there is no relative equilibrium of these momenta near the guess.
+    NoConvergence if there is no relative equilibrium of these momenta near the guess.  Warns where a fold, at which two of
+    them merge, lies between the guess and what was found.
 
     Source: Simo, Lewis, Marsden, Stability of relative equilibria, part I, Arch. Rational Mech. Anal. 115 (1991).
     """
@@ -146,8 +147,25 @@ def relative_equilibrium(system: Any, guess: Any) -> RelativeEquilibrium:
         )
     near.require_autonomous("relative_equilibrium", sizes)
     conserved, changes = kept_momenta(near, sizes)
+    moving = changing(near, sizes, conserved, changes)
+    before = _with_motion_near(near, sizes, conserved, moving, _weights(near, sizes, moving), True).squares
     near, w = _critical_point(near, sizes, conserved, changes)
-    return _with_motion_near(near, near.sizes(sizes), conserved, changing(near, sizes, conserved, changes), w)
+    found = _with_motion_near(near, near.sizes(sizes), conserved, changing(near, sizes, conserved, changes), w)
+    after = found.squares
+    if before and after and sum(before) == sum(after) and (before[1] - after[1]) % 2:
+        warn(
+            f"relative_equilibrium: the augmented energy has {before[1]} negative squares at the guess and {after[1]} at what "
+            "was found: between them lies a fold, where two relative equilibria merge, and this may be the other one. Follow "
+            "one that you know, in small steps of its momenta",
+            RuntimeWarning,
+        )
+    return found
+
+
+def _weights(near: NearState, sizes: np.ndarray, moving: np.ndarray) -> np.ndarray:
+    """The weights of momenta by which the motion is along the symmetries as nearly as it can be."""
+    along = _generated(near, moving) / sizes[:, None]
+    return np.asarray(np.linalg.lstsq(along, np.asarray(near.field(near.here)) / sizes)[0])
 
 
 def _critical_point(
@@ -156,7 +174,7 @@ def _critical_point(
     """The equilibrium, and the weights w of its kept momenta."""
     prescribed = np.asarray(near.momenta(near.here)) @ conserved
     moving = changing(near, sizes, conserved, changes)
-    w = np.linalg.lstsq(_generated(near, moving) / sizes[:, None], np.asarray(near.field(near.here)) / sizes)[0]
+    w = _weights(near, sizes, moving)
     left, settled = np.inf, False
     for _ in range(TURNS):
         moving = changing(near, sizes, conserved, changes)
@@ -170,7 +188,8 @@ def _critical_point(
         settled = left <= SOLVED
     raise NoConvergence(
         f"relative_equilibrium: after {TURNS} steps of Newton's method the state is still {left:.1e} of its size away from "
-        "steady motion: there is no relative equilibrium with the momenta of the guess near it; change the guess"
+        "steady motion: there is no relative equilibrium with the momenta of the guess near it, as beyond a fold, where two "
+        "of them merge and end; change the guess, or follow one that you know in small steps of its momenta"
     )
 
 
@@ -194,9 +213,11 @@ def _equations(
 
 
 def _with_motion_near(
-    near: NearState, sizes: np.ndarray, conserved: np.ndarray, moving: np.ndarray, w: np.ndarray
+    near: NearState, sizes: np.ndarray, conserved: np.ndarray, moving: np.ndarray, w: np.ndarray, guessed: bool = False
 ) -> RelativeEquilibrium:
-    """The equilibrium with the motion near it.  moving : those of the kept momenta that are not stationary there."""
+    """The equilibrium with the motion near it.  moving : those of the kept momenta that are not stationary there.
+    guessed : is it near one only, where second derivatives are symmetric but for what is left of the first?
+    """
     generated = _generated(near, moving) / sizes[:, None]
     units = 1.0 / nonzero(np.abs(generated).max(axis=0))  # of the weights
     generated, by_state = generated * units, moving.T @ momentum_slopes(near) * sizes
@@ -216,7 +237,7 @@ def _with_motion_near(
     reduced = (motion @ across)[coordinates]
     reduced = reduced[left] - shift @ reduced[dropped]
     squares = None
-    if np.abs(energy - energy.T).max(initial=0.0) <= FEW_DIGITS * np.abs(energy).max(initial=0.0):
+    if guessed or np.abs(energy - energy.T).max(initial=0.0) <= FEW_DIGITS * np.abs(energy).max(initial=0.0):
         idle = null_space(generated)[0].T  # weights of momenta that move nothing
         others = [form @ linear_motion(w + units * weights) - energy for weights in idle]
         size = np.abs([energy, *others]).max(axis=(1, 2), initial=0.0)
