@@ -219,7 +219,6 @@ class MechanicalSystem(CotangentMotion):
 
     # ---------------------------------------------------------------- checked input
 
-    @final
     def state(self, mu: Any = None, g: Any = None, *, xi: Any = None) -> BodyState:
         """A start for `integrate`: body momentum mu, or body velocity xi, and configuration g.
 

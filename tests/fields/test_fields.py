@@ -1,5 +1,8 @@
 """Fields on a group in cells: closed forms, orders in time and in space, currents, and what is refused."""
 
+import contextlib
+import warnings
+
 import numpy as np
 import pytest
 
@@ -217,6 +220,50 @@ def test_a_free_beam_is_of_order_two():
         )
     errors = [np.abs(end - ends[-1]).max() for end in ends[:-1]]
     np.testing.assert_allclose(np.diff(np.log2(errors)), -2.1, atol=0.2)
+
+
+def ended(cells, fades):
+    """A line of rotations with free ends whose strain rate fades there, or does not."""
+    line = lm.Field(lm.SO3(), CHIRAL, np.pi, cells)
+    s = line.arc[:, None]
+    xi = np.cos([1, 2, 1] * s) if fades else np.sin([1, 2, 1] * s)
+    return line, line.state(xi=[0.6, 0.5, 0.4] * xi, g=np.broadcast_to(np.eye(3), (cells + 1, 3, 3)).copy())
+
+
+@pytest.mark.slow
+def test_a_start_that_a_free_end_does_not_allow_costs_the_order_and_says_so():
+    """Where eta_t is not zero at a free end a front comes from there: order one behind it; where it fades, order two."""
+    orders = []
+    for fades in (True, False):
+        ends = []
+        for cells in (16, 32, 64, 256):
+            with (
+                contextlib.nullcontext()
+                if fades
+                else pytest.warns(lm.errors.OrderWarning, match="the first node is free")
+            ):
+                line, start = ended(cells, fades)
+            run = lm.integrate(line, LIE, start, h=0.5 * np.pi / cells, steps=cells, every=cells)
+            ends.append(run.g[-1][:: cells // 16])
+        errors = [np.abs(end - ends[-1]).max() for end in ends[:-1]]
+        orders.append(np.diff(-np.log2(errors)))
+    assert (orders[0] > 1.85).all() and orders[1][-1] < 1.4
+
+
+def test_a_force_at_a_free_end_is_told_and_rigid_motion_and_rounding_are_not():
+    beam = lm.Field(lm.SE3(), lm.FieldDensity(lm.KineticEnergy(INERTIA), lm.StrainEnergy(INERTIA, STRAIGHT)), 1.0, 8)
+    with pytest.warns(
+        lm.errors.OrderWarning, match=r"the first node is free, and the force is not zero there: it has 1 of"
+    ):
+        beam.at_rest(beam.shape([0.0, 0.5, 0.0, 0.0, 0.0, 1.0]))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for start in (None, np.array(lm.SE3().exp(lm.vec(0.3, -0.2, 0.5, 1.0, 2.0, 3.0)))):
+            g = beam.shape(start=start)
+            turned = [lm.SE3().Ad(lm.SE3().inverse(x), lm.vec(0.3, 0.2, 0.4, 0.1, -0.2, 0.3)) for x in g]
+            beam.state(xi=np.array(turned), g=g)  # as a rigid body
+        held = lm.Field(lm.SE3(), beam.density, 1.0, 8, ends=("held", "held"))
+        held.at_rest(held.shape([0.0, 0.5, 0.0, 0.0, 0.0, 1.0]))
 
 
 @pytest.mark.slow

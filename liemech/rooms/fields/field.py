@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
-from ...errors import InvalidInput, require
-from ...formulas import Element, Vec, real_array, record
+from ...errors import InvalidInput, OrderWarning, require, warn
+from ...formulas import Element, Vec, real_array, record, vec
 from ...formulas.classes.of_each import each
 from ...groups.lie_group import LieGroup
 from ...groups.retractions import Exponential, Retraction
+from ...systems.lie_poisson import BodyState
 from ...systems.potential import Force, Potential
 from ..sites.terms.terms import PerSite, Terms
 from .cell import Cell
 from .density import FieldDensity
 from .in_cells import FieldInCells
+
+FORCED = 1.0 / 16.0
+"""The energy of strain at a free end, over that of the cell that has most, above which the end is not free of force."""
+
+LEAST, ROUNDING = 4, 2.0**-40
+"""Cells of which two tell what is at an end; and the part of displacements that is rounding."""
 
 
 @record
@@ -82,6 +90,50 @@ class Field(FieldInCells):
     def element(self) -> Cell:
         """The energy of a cell."""
         return Cell(self.target, self.density.stored, self.length / self.cells, self.retraction)
+
+    def state(self, mu: Any = None, g: Any = None, *, xi: Any = None) -> BodyState:
+        """A start for `integrate`: momenta mu of nodes, or velocities xi, and elements g, (nodes, ...).
+
+        Raises what `MechanicalSystem.state` raises.  Warns by an OrderWarning of a start with a force, or one that begins,
+        where an end is free: a front of waves comes from there, behind which the order in cells and steps is one.
+        """
+        state = super().state(mu, g, xi=xi)
+        for end, which in zip(("first", "last"), (slice(None), slice(None, None, -1))):
+            if self.closed or self.cells < LEAST or self.ends[end == "last"] != "free":
+                continue
+            for what, size, at_all in self._strained(state, which):
+                if (size > FORCED * at_all).any():
+                    warn(
+                        f"{type(self).__name__}.state: the {end} node is free, and {what} is not zero there: it has "
+                        f"{np.sqrt((size / at_all).max()):.2g} of its largest value on the line. From a start whose force "
+                        "does not fade at a free end a front runs in, and the order is one instead of two: let it fade, or "
+                        "hold the end",
+                        OrderWarning,
+                    )
+                    return state
+        return state
+
+    def _strained(self, start: Any, which: slice) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+        """Of the strain beyond that of rest and of its rate a name, the energy at an end, extrapolated from the two cells
+        next to it, and the largest one of a cell that is more than rounding.  which : the cells, from that end on.
+        """
+        C = np.array(self.density.stored.hessian(vec(*np.atleast_2d(self.rest_strain)[0])), dtype=float)
+        C = np.diag(C) if C.ndim == 1 else C
+        mu = start.arrays["mu"].reshape(-1, self.nodes, self.target.dim)
+        g = start.arrays["g"].reshape(-1, self.nodes, *self.target.element_shape)
+        x = self._displacements("state", g)[2]
+        xi = np.asarray(self.density.kinetic.gradient(mu / self.parts[:, None]))
+        after, before = (
+            np.asarray(self.retraction.dtau_inv(self.target, y, v))
+            for y, v in ((x, xi[..., 1:, :]), (-x, xi[..., :-1, :]))
+        )
+        rate, l = after - before, self.length / self.cells
+        for what, change, whole in (("the force", x - l * self.rest_strain, x), ("the rate of the force", rate, after)):
+            cells, whole = change[..., which, :], np.abs(whole).max()
+            end = 1.5 * cells[..., 0, :] - 0.5 * cells[..., 1, :]
+            energies = np.einsum("...i,ij,...j->...", cells, C, cells)
+            noise = (ROUNDING * whole) ** 2 * np.abs(C).max()
+            yield what, np.einsum("...i,ij,...j->...", end, C, end), np.maximum(energies.max(axis=-1), noise)
 
     def held(self) -> tuple[list[int], list[int]]:
         """The nodes at ends that are held; none turns where it is."""
