@@ -39,7 +39,7 @@ def reproduce(arguments: Sequence[str]) -> int:
         parser.error(str(wrong))
     hold = []
     for name, title in titles.items():
-        print(f"{name + ':':<14}{title}", flush=True)
+        print(f"{name + ':':<19}{title}", flush=True)
         if options.names:
             result = reproduced(name, options.full)
             print(result, end="\n\n")
