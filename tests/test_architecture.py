@@ -54,7 +54,7 @@ ROOMS: dict[str, tuple[str, ...]] = {
     "checks": ("rooms.constraints", "rooms.fictive_time", "rooms.noise", "rooms.poisson", "rooms.sites"),
     "plots": ("joints", "models", "rooms.at_work", "rooms.constraints"),
     "viewer": ("joints", "models", "plots"),
-    "rooms.published": ("joints", "models", "rooms.constraints"),
+    "rooms.published": ("joints", "models", "rooms.at_work", "rooms.constraints", "rooms.sites"),
     "command_line": ("checks", "plots", "rooms.at_work", "rooms.files", "rooms.published", "viewer"),
 }
 """What stands on the core, each with the rooms that it imports; none imports another one."""

@@ -41,7 +41,12 @@ def reproduce(arguments: Sequence[str]) -> int:
     for name, title in titles.items():
         print(f"{name + ':':<19}{title}", flush=True)
         if options.names:
-            result = reproduced(name, options.full)
+            try:
+                result = reproduced(name, options.full)
+            except InvalidInput as missing:  # files that are not installed
+                print(f"  {missing}\n")
+                hold.append(False)
+                continue
             print(result, end="\n\n")
             hold.append(result.holds)
         if options.picture:

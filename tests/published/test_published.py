@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import numpy as np
@@ -12,21 +13,34 @@ import liemech as lm
 from liemech.command_line.main import main
 from liemech.command_line.reproduce import drawn
 from liemech.errors import InvalidInput
-from liemech.rooms.published import RESULTS
-from liemech.rooms.published.compared import Compared, Reproduced, reproduced, title_of
+from liemech.groups.representations import AdjointAction
+from liemech.groups.rigid.se3 import SE3
+from liemech.rooms.published import RESULTS, robots
+from liemech.rooms.published.compared import Compared, Reproduced, limit, reproduced, title_of
+from liemech.rooms.published.double_spherical_pendulum import DoubleSphericalPendulum
 from liemech.rooms.published.four_bars import four_bars
 from liemech.rooms.published.governor import governor
 
-LONG = {name for name in RESULTS if name != "elastica"}
+LONG = {name for name in RESULTS if name not in ("article-fig1", "elastica")}
 QUARTER, _ = quad(lambda q: 1.0 / np.sqrt(1.0 + 2.0 * 9.81 * 3.5 / 3.0 * (1.0 - np.cos(q))), 0.0, np.pi / 2)
 """The time in which two four-bars fall from upright, where they move with 1 m/s, to their dead point."""
 
 PAGE = Path(__file__).parent.parent.parent / "docs" / "proof" / "published_results.md"
 
 
+def require_robots() -> None:
+    """Skip without the package whose files they are."""
+    try:
+        version("example-robot-data")
+    except PackageNotFoundError:
+        pytest.skip("example-robot-data is not installed")
+
+
 @pytest.mark.parametrize("name", [pytest.param(x, marks=pytest.mark.slow) if x in LONG else x for x in RESULTS])
 def test_a_published_result_is_reached(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     """By the command, which says where it is published."""
+    if name == "robots":
+        require_robots()
     assert main(["reproduce", name]) == 0
     printed = capsys.readouterr().out
     assert f"{name}:" in printed and title_of(name) in printed and "Source: " in printed
@@ -34,7 +48,7 @@ def test_a_published_result_is_reached(name: str, capsys: pytest.CaptureFixture[
 
 @pytest.mark.slow
 @pytest.mark.compiled
-@pytest.mark.parametrize("name", ["iftomm-a02", "spaghetti-2d", "wafr-10"])
+@pytest.mark.parametrize("name", ["iftomm-a02", "spaghetti-2d", "spaghetti-3d", "wafr-10"])
 def test_long_rows_are_reached(name: str) -> None:
     result = reproduced(name, full=True)
     assert result.holds, str(result)
@@ -45,6 +59,32 @@ def test_a_number_that_is_not_reached_is_told() -> None:
     assert not Compared("an error", 0.01, -0.02).holds
     assert Compared("an error", 0.01, -0.01).holds
     assert not Compared("a place", 1.0, float("nan"), 0.05).holds
+
+
+def test_a_result_without_its_files_is_told(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(robots, "LEGGED", ("no_robot",))
+    assert main(["reproduce", "robots"]) == 1
+    assert "pip install example-robot-data" in capsys.readouterr().out
+
+
+def test_even_powers_of_halved_steps_are_taken_off() -> None:
+    values = [np.array([1.0 - 2.0 * h**2 + 3.0 * h**4, h**2]) for h in (0.5, 0.25, 0.125)]
+    assert limit(values) == pytest.approx([1.0, 0.0], abs=1e-15)
+
+
+def test_the_double_spherical_pendulum_keeps_its_energy() -> None:
+    pendulum = DoubleSphericalPendulum(AdjointAction(SE3() ** 2), 1.5, 4.0)
+    q, w = np.array([[0.6, 0.0, 0.8], [0.0, -0.8, 0.6]]), np.array([[0.0, 1.5, 0.0], [2.0, 0.0, 0.0]])
+    start = pendulum.state(np.stack([q, w], axis=1).ravel())
+    run = lm.integrate(pendulum, lm.RKMK(order=8), start, h=2.5e-3, steps=400, progress=False)
+    q1, w1, q2, w2 = np.moveaxis(np.reshape(run.x, (-1, 4, 3)), 1, 0)
+    v1, gravity = np.cross(w1, q1), 9.81
+    v2 = v1 + np.cross(w2, q2)
+    energy = 0.75 * (v1**2).sum(1) + 2.0 * (v2**2).sum(1) + gravity * (5.5 * q1[:, 2] + 4.0 * q2[:, 2])
+    assert np.ptp(energy) < 1e-10 * np.abs(energy).max()
+    assert (q1**2).sum(1) == pytest.approx(1.0, abs=1e-13) and (q1 * w1).sum(1) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_results_are_listed_and_a_name_that_is_none_is_refused(capsys: pytest.CaptureFixture[str]) -> None:

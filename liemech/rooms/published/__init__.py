@@ -12,10 +12,12 @@ heavy_top.py                  a fast top
 bend.py                       a cantilever bent by 45 degrees
 elastica.py                   a slender cantilever under a large load
 princeton.py                  a strip that bends about both axes and twists
+twisted.py                    a twisted cantilever
 right_angle_frame.py          a frame that buckles sideways
 spaghetti.py                  a rod that is thrown, and flies
 spaghetti_in_space.py         one that is thrown out of its plane
 chain_of_ten.py               the energy of ten links
+robots.py                     robots of public files
 spin_one.py                   waves of spins 1
 problems_of_hlw.py            a pendulum, an ellipse, the outer Solar System
 figure_eight.py               three masses on one curve
@@ -35,10 +37,12 @@ RESULTS = {
     "bend-45": "bend",
     "elastica": "elastica",
     "princeton": "princeton",
+    "twisted": "twisted",
     "right-angle-frame": "right_angle_frame",
     "spaghetti-2d": "spaghetti",
     "spaghetti-3d": "spaghetti_in_space",
     "wafr-10": "chain_of_ten",
+    "robots": "robots",
     "dahlbom": "spin_one",
     "hlw-problems": "problems_of_hlw",
     "figure-eight": "figure_eight",

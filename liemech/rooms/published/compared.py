@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from importlib import import_module
 from typing import Any, NamedTuple
 
@@ -70,6 +71,13 @@ def file_of(name: str) -> Any:
 def title_of(name: str) -> str:
     """The title of a result, a sentence."""
     return str(file_of(name).__doc__).partition("\n")[0]
+
+
+def limit(values: Sequence[Any]) -> Any:
+    """The limit of values from steps that are halved, whose errors are even powers of them: Romberg's."""
+    for k in range(1, len(values)):
+        values = [b + (b - a) / (4**k - 1) for a, b in itertools.pairwise(values)]
+    return values[0]
 
 
 def reproduced(name: str, full: bool = False) -> Reproduced:

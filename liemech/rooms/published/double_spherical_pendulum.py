@@ -55,5 +55,5 @@ def compared(full: bool) -> Iterator[Compared]:
     names = "Lie-Euler", "Lie-Euler-Heun", "RKMK3", "RKMK4", "commutator-free"
     methods = RKMK(order=1), RKMK(tableau=HEUN2), RKMK(tableau=KUTTA3), RKMK(order=4), CommutatorFree(order=4)
     for name, method, order in zip(names, methods, (1, 2, 3, 4, 4)):
-        found = measure_order(pendulum, method, start, 0.1, steps=(79, 159))
-        yield Compared(f"order, {name}", order, float(found), 0.1)
+        orders = measure_order(pendulum, method, start, 0.1, steps=(79, 159))
+        yield Compared(f"order, {name}", order, float(orders), 0.1)

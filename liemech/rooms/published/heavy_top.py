@@ -29,6 +29,6 @@ def compared(full: bool) -> Iterator[Compared]:
     run = integrate(top, Composition(LieVerlet(), order=8), start, h=1e-3, steps=2000, every=2000, progress=False)
     R = run.g[-1]
     omega, turn = R @ (run.mu[-1] / np.array(top.inertia)), np.array(SO3().log(R))
-    for what, values, vector in (("angular velocity, rad/s", OMEGA, omega), ("rotation vector", TURN, turn)):
+    for quantity, values, vector in (("angular velocity, rad/s", OMEGA, omega), ("rotation vector", TURN, turn)):
         for name, value, computed in zip("xyz", values, vector):
-            yield Compared(f"{what}, {name}", value, float(computed), 2e-5)
+            yield Compared(f"{quantity}, {name}", value, float(computed), 2e-5)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...models.many.cosserat_rod import CosseratRod
 from ...models.many.rod_section import RodSection
-from .compared import Compared
+from .compared import Compared, limit
 
 SOURCE = (
     "Obrezkov, Mikkola, Matikainen et al., Nonlinear Dyn. 109 (2022): displacements by ANSYS's beam and solid elements, as "
@@ -42,8 +42,8 @@ def displacement(weight: float, angle: float) -> np.ndarray:
     """Displacements of the tip across and along the flat side, from 16 and 32 elements, in m.  angle : from the edge, in rad."""
     section = RodSection.rectangle(WIDTH, HEIGHT, young=71.7e9, density=2810.0, poisson=0.31)
     force = [weight * np.sin(angle), weight * np.cos(angle), 0.0]
-    coarse, fine = (CosseratRod(section, LENGTH, n, tip_force=force).equilibrium()[-1, :2, 3] for n in (16, 32))
-    return np.asarray((4.0 * fine - coarse) / 3.0)
+    rods = [CosseratRod(section, LENGTH, n, tip_force=force) for n in (16, 32)]
+    return np.asarray(limit([rod.equilibrium()[-1, :2, 3] for rod in rods]))
 
 
 def compared(full: bool) -> Iterator[Compared]:
@@ -52,5 +52,5 @@ def compared(full: bool) -> Iterator[Compared]:
         for k, degrees in enumerate(ANGLES):
             for name, i, computed in zip(("across", "along"), (1, 0), displacement(weight, np.radians(degrees))):
                 published, solid = beam[i][k], SOLID[weight][i][k]
-                what = f"{name} the flat side, {weight:g} N at {degrees} degrees, m"
-                yield Compared(what, published, float(computed), abs(published - solid))
+                quantity = f"{name} the flat side, {weight:g} N at {degrees} degrees, m"
+                yield Compared(quantity, published, float(computed), abs(published - solid))

@@ -32,12 +32,12 @@ def critical_load(elements: int) -> float:
     half, corner = np.eye(4), np.eye(4)
     half[2, 3] = 0.5 * l
     corner[1:3, 1:3] = [[0.0, 1.0], [-1.0, 0.0]]
-    rest = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (elements, 1))
-    rest[elements // 2] = np.asarray(SE3().log(half @ corner @ half)) / l
+    strains = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (elements, 1))
+    strains[elements // 2] = np.asarray(SE3().log(half @ corner @ half)) / l
 
     def least(force: float) -> float:
         """The least eigenvalue of the stiffness where forces balance."""
-        rod = CosseratRod(SECTION, 2.0 * LEG, elements, rest=rest, tip_force=[0.0, 0.0, force])
+        rod = CosseratRod(SECTION, 2.0 * LEG, elements, rest=strains, tip_force=[0.0, 0.0, force])
         stiffness = rod.stiffness(rod.equilibrium(stages=1)).toarray()[rod.free][:, rod.free]
         return float(np.linalg.eigvalsh(0.5 * (stiffness + stiffness.T))[0])
 

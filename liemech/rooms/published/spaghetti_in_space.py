@@ -44,7 +44,7 @@ class ThrownRod(CosseratRod):
     """A rod whose last frame is thrown."""
 
     def others(self) -> tuple[list[Any], Any]:
-        """The throw."""
+        """No other terms, and the throw."""
         return [], PerSite(Throw(each(np.eye(self.frames)[-1])))
 
 

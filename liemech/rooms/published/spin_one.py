@@ -54,5 +54,5 @@ def compared(full: bool) -> Iterator[Compared]:
     steps = np.einsum("ij,ipa->ipja", np.eye(n), along).reshape(-1, n, 8)
     ahead, behind = (np.asarray(group.ad_star(spins.velocity(m), m)) for m in (mu + steps, mu - steps))  # quadratic
     matrix = np.einsum("jia,ipa->ipj", 0.5 * (ahead - behind), along).reshape(4 * n, 4 * n)
-    for k, (theirs, ours) in enumerate(zip(published, np.sort(np.linalg.eigvals(matrix).imag)[2 * n :])):
-        yield Compared(f"frequency {k + 1}, J", float(theirs), float(ours), 1e-12 if k else 1e-6)
+    for k, (frequency, computed) in enumerate(zip(published, np.sort(np.linalg.eigvals(matrix).imag)[2 * n :])):
+        yield Compared(f"frequency {k + 1}, J", float(frequency), float(computed), 1e-12 if k else 1e-6)
