@@ -13,9 +13,8 @@ from terms_of_spins import Exchange, Zeeman
 import liemech as lm
 from liemech.compiler import kernel
 from liemech.errors import IncompatibleSystem, InvalidInput, NotFinite
-from liemech.rooms.sites.runs import execution
+from liemech.rooms.sites.runs import execution, samples
 from liemech.rooms.sites.runs import run as run_of_sites
-from liemech.rooms.sites.runs import samples
 from liemech.systems.lie_poisson import BodyState
 
 N = 40
