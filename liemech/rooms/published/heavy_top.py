@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -26,7 +27,7 @@ def compared(full: bool) -> Iterator[Compared]:
     m, centre = 15.0, np.array([0.0, 1.0, 0.0])
     top = HeavyTop(np.array([0.234375, 0.46875, 0.234375]) + m * (1.0 - centre), m * 9.81, centre)
     start = top.state(xi=[0.0, 150.0, -4.61538], g=np.eye(3))
-    run = integrate(top, Composition(LieVerlet(), order=8), start, h=1e-3, steps=2000, every=2000, progress=False)
+    run: Any = integrate(top, Composition(LieVerlet(), order=8), start, h=1e-3, steps=2000, every=2000, progress=False)
     R = run.g[-1]
     omega, turn = R @ (run.mu[-1] / np.array(top.inertia)), np.array(SO3().log(R))
     for quantity, values, vector in (("angular velocity, rad/s", OMEGA, omega), ("rotation vector", TURN, turn)):

@@ -45,7 +45,8 @@ class ThrownRod(CosseratRod):
 
     def others(self) -> tuple[list[Any], Any]:
         """No other terms, and the throw."""
-        return [], PerSite(Throw(each(np.eye(self.frames)[-1])))
+        at_end: Any = each(np.eye(self.frames)[-1])
+        return [], PerSite(Throw(at_end))
 
 
 def compared(full: bool) -> Iterator[Compared]:
