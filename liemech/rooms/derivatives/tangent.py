@@ -184,10 +184,11 @@ def of_bodies(method: Any, runs: list[TangentTrajectory]) -> TangentTrajectory:
     """The runs of all bodies as one."""
     alone = all(run.system is runs[0].system for run in runs)
     system: Any = runs[0].system if alone else Systems(tuple([run.system for run in runs]))
-    own: dict[str, Any] = {name: tuple(zip(*[getattr(run, name) for run in runs], strict=True)) for name in ("events", "time_tangents")}
-    together: TangentTrajectory = of_some(
-        runs, system=system, method=method, ended=ends([x.ended for x in runs]), **own
-    )
+    own: dict[str, Any] = {
+        name: tuple(zip(*[getattr(run, name) for run in runs], strict=True)) for name in ("events", "time_tangents")
+    }
+    ended: Any = [run.ended for run in runs]
+    together: TangentTrajectory = of_some(runs, system=system, method=method, ended=ends(ended), **own)
     return together
 
 

@@ -24,7 +24,7 @@ FIRST = np.array([[-0.8, 0.0, 0.6, 0.0], [0.0, 1.0, 0.0, 0.0], [-0.6, 0.0, -0.8,
 
 
 def flight(rod: CosseratRod, mu: Any, g: Any, energy: Any, impulse: float) -> Iterator[Compared]:
-    """What stands still in free flight."""
+    """The momentum and the energy of a free flight, which stand still."""
     total = rod.total_momentum(mu, g)
     change, spin = (np.linalg.norm(x, axis=1) for x in (total[:, :3] - total[0, :3], total[:, :3]))
     yield Compared("momentum, the impulse of the force", impulse, float(total[-1, 3]), 1e-11)
