@@ -241,10 +241,6 @@ class Plan:
                 raise InvalidInput("integrate: checkpoint is for runs without executor")
             return spread(self, start, executor, steps=steps, t_end=t_end, t0=t0, t_eval=t_eval)
         try:
-            if self._sites is not None:
-                trajectory = self._by_sites(start, steps, t_end, t0, t_eval, checkpoint, checkpoint_every)
-                if trajectory is not None:
-                    return trajectory
             if checkpoint is None:
                 return self._run(start, steps, t_end, t0, t_eval, None)
             with self._kept(checkpoint, checkpoint_every) as saving:
@@ -255,21 +251,16 @@ class Plan:
             raise self._not_begun(lambda plan: plan._standing(start, t0)) from None
 
     def _by_sites(
-        self, start: Any, steps: Any, t_end: Any, t0: Any, t_eval: Any, path: Any, seconds: Any
+        self, start: Any, steps: Any, t_end: Any, t0: Any, t_eval: Any, checkpoint: Checkpoint | None
     ) -> Trajectory | None:
         """A run of a system of many sites, site by site; None if it is to be written out."""
-        sites: Any = self._sites
+        sites = self._sites
         if sites.knows(start):
             t0 = arguments.real(t0, "t0")
             start = sites.started(self, start, t0)
             if sites.takes(start):
                 self._warn_of(start)
-        if path is None:
-            trajectory: Trajectory | None = sites.trajectory(start, steps, t_end, t0, None, t_eval)
-            return trajectory
-        with self._kept(path, seconds) as saving:
-            trajectory = sites.trajectory(start, steps, t_end, t0, saving, t_eval)
-            return saving.end(trajectory)
+        return sites.trajectory(start, steps, t_end, t0, checkpoint, t_eval)
 
     def _standing(self, start: Any, t0: float) -> Trajectory:
         """A run of no steps, whose only sample is the start."""
@@ -298,7 +289,11 @@ class Plan:
     def _run(
         self, start: Any, steps: Any, t_end: Any, t0: Any, t_eval: Any, checkpoint: Checkpoint | None
     ) -> Trajectory:
-        """A run of a start: a short one if that is enough, else one in pieces."""
+        """A run of a start: site by site, a short one if that is enough, else one in pieces."""
+        if self._sites is not None:
+            trajectory = self._by_sites(start, steps, t_end, t0, t_eval, checkpoint)
+            if trajectory is not None:
+                return trajectory
         if checkpoint is None and self._plain:
             trajectory = short_run(self, start, steps, t_end, t0, t_eval)
             if trajectory is not None:
@@ -357,8 +352,7 @@ class Plan:
     ) -> Trajectory:
         """A run of the class for this start, made in pieces."""
         kind: Any = self.kind_of_run(start, t_end, t_eval)
-        trajectory: Trajectory = kind(self, start, t0, steps, t_end, t_eval, checkpoint).trajectory()
-        return trajectory
+        return kind(self, start, t0, steps, t_end, t_eval, checkpoint).trajectory()
 
     def _started(self, start: Any, t0: float = 0.0) -> Any:
         """The start, checked, with the parts that the run needs."""
@@ -420,8 +414,7 @@ class Plan:
         """The run from where another one ended, a short one if that is enough."""
         carry = carry_of(self, run, "resume")
         if isinstance(carry, SiteCarry):
-            by_sites: Any = self._sites.trajectory(carry, steps, t_end, 0.0, checkpoint, t_eval)
-            return by_sites
+            return self._sites.trajectory(carry, steps, t_end, 0.0, checkpoint, t_eval)
         plain = self._plain and not self.adaptive and t_eval is checkpoint is None
         if plain and type(carry) is Carry and carry.bodies is None:
             shape: Any = carry.shape
@@ -581,17 +574,14 @@ class Plan:
         if isinstance(current, SiteCarry):
             run = self._sites.by_hand(current)
             run.advance(steps)
-            after: Any = run.carry
-            return after
+            return run.carry
         if current.fictive:
-            moved: Any = current.moved(self.in_fictive_time(current.origin)._advanced(current.inner, steps))
-            return moved
+            return current.moved(self.in_fictive_time(current.origin)._advanced(current.inner, steps))
         return self._advanced(current, steps)
 
     def in_fictive_time(self, origin: Any) -> Plan:
         """The plan of the system with its clock that began there."""
-        plan: Plan = like(self, system=origin.whole, _steps=origin.steps(self._steps), of_each={})
-        return plan
+        return like(self, system=origin.whole, _steps=origin.steps(self._steps), of_each={})
 
     def _advanced(self, carry: Carry, steps: int) -> Carry:
         """The carry `steps` steps later, without samples between."""

@@ -262,9 +262,8 @@ class PreparedGradient:
         lanes = (start.bodies or 1) * -(-(self.frames.count + directions.count) // directions.side)
         length = block_length(end, lanes, directions, every or end)
         if run is None:
-            whole = like(plan, _steps=dataclasses.replace(plan._steps, every=length))._run(
-                start, steps, None, t0, None, None
-            )
+            one_body = like(plan, _sites=None, _steps=dataclasses.replace(plan._steps, every=length))
+            whole = one_body._run(start, steps, None, t0, None, None)
             if whole.stopped:
                 raise whole.stopped[min(whole.stopped)].error
             return Forward(plan, whole, np.minimum(np.arange(len(whole.t)) * length, steps), t0, self.frames, first)

@@ -135,8 +135,7 @@ class SitesDense(BetweenEnds):
 
     def _parts(self, rows: np.ndarray) -> dict[str, np.ndarray]:
         """The parts of states, of their numbers, (m, width, sites)."""
-        parts: dict[str, np.ndarray] = self.system.as_users_see(unpacked(self.shape.state, np.moveaxis(rows, 1, -1)))
-        return parts
+        return self.system.as_users_see(unpacked(self.shape.state, np.moveaxis(rows, 1, -1)))
 
     def inside(self, k: int, times: np.ndarray) -> dict[str, np.ndarray]:
         """On the way of the step, as for `t_eval`."""

@@ -55,14 +55,11 @@ class OfMethod(Record):
     @property
     def shortens(self) -> bool:
         """Are its steps as long as they turn out?"""
-        shortens: bool = self.method.shortens
-        return shortens
+        return self.method.shortens
 
     @property
     def error_order(self) -> int:
-        """The order of the error estimate of the method."""
-        order: int = self.method.error_order
-        return order
+        return self.method.error_order
 
 
 @record
@@ -136,8 +133,7 @@ class OverSites(OfMethod):
     ) -> float:
         """The size of the change of the velocities in an Euler step."""
         each(self.sites, one_change, self, system, t, h, rtol, atol, place.copy)
-        size: float = read(self.told, 0, PAIR)[0]
-        return size
+        return read(self.told, 0, PAIR)[0]
 
 
 SOON = 1.25

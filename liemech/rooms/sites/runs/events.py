@@ -146,8 +146,7 @@ class StepsOfSites(Moving):
                 return self.shown(self.rows[end]), self.totals[end]
         begin, end = self.times[k : k + 2].tolist()
         pair = None if self.run.shape.watched else self.rows[k : k + 2]  # still where the step has put it
-        inside: tuple[np.ndarray, np.ndarray] = self.run.inside_step(begin, end, t, pair)
-        return inside
+        return self.run.inside_step(begin, end, t, pair)
 
     def shown(self, rows: np.ndarray) -> np.ndarray:
         """The states of all sites, (..., width, sites), of what is kept of steps."""

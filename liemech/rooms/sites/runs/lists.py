@@ -55,8 +55,7 @@ def _sites_of(system: Any, near: Any) -> int:
     """The sites among which pairs are near."""
     if isinstance(near, Among):
         return int(sum(dict(zip(near.of, near.counts)).values()))
-    copies: int = getattr(system, "configurations", system.group).copies
-    return copies
+    return getattr(system, "configurations", system.group).copies
 
 
 def _listed(role: RoleAtSite, places: np.ndarray | None) -> RoleAtSite:

@@ -27,7 +27,6 @@ from ..colouring import PlacesByColour
 from ..spin_splittings import TermSplitting, terms_of
 from .between import SitesBetween
 from .chains import ChainRun, chained_method
-from .driver import Embedded
 from .events import TOTAL
 from .lists import Lists, with_lists
 from .states import as_users_see, by_site, first_of
@@ -273,10 +272,6 @@ class SitesOfPlan:
         """The method of fixed steps, as that of all sites or of one."""
         return self.chain or self.plan._steps.way_of(0)
 
-    def embedded(self, curves: bool) -> Embedded:
-        """That of adaptive steps, as of one site.  curves : is the way of a step kept?"""
-        return Embedded(self.plan._steps.method, curves)
-
     @functools.cached_property
     def kind(self) -> Any:
         """The class of the runs."""
@@ -294,8 +289,7 @@ class SitesOfPlan:
         if not isinstance(splitting, TermSplitting):
             return None
         motions: Any = splitting._motions(terms_of(self.plan._one))
-        places: PlacesByColour = motions.places
-        return places
+        return motions.places
 
     @staticmethod
     def member(start: Any, i: int) -> Any:
@@ -328,5 +322,4 @@ class SitesOfPlan:
                 f"{first} after {runs[first].steps} steps. {stopped[first]}",
                 RuntimeWarning,
             )
-        ensemble: Trajectory = of_members(runs, stopped)
-        return ensemble
+        return of_members(runs, stopped)

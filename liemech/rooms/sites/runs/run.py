@@ -133,8 +133,7 @@ class SiteRun(Course):
     def _in_copy(self, k: int) -> np.ndarray:
         """Numbers of all sites, (width, sites), in a copy of the memory."""
         width = self.shape.memory.width
-        numbers: np.ndarray = self.sites.array[k * width : (k + 1) * width, : self.sites.count]
-        return numbers
+        return self.sites.array[k * width : (k + 1) * width, : self.sites.count]
 
     def laid_out(self, state: Any) -> tuple[Any, np.ndarray]:
         """The state of the first site, and the numbers of all, (width, sites)."""
@@ -359,8 +358,7 @@ class SiteRun(Course):
     def _copy_of_all(self) -> np.ndarray:
         """The copy of the memory in which the sites are, with the places behind the last one."""
         width = self.shape.memory.width
-        numbers: np.ndarray = self.sites.array[width * self._copy :][:width]
-        return numbers
+        return self.sites.array[width * self._copy :][:width]
 
     @property
     def _memory(self) -> np.ndarray:

@@ -24,6 +24,7 @@ from .driver import (
     BESIDE,
     PLACE,
     Beginner,
+    Embedded,
     Moment,
     OfSite,
     Procedure,
@@ -60,7 +61,7 @@ class SiteShape:
         self.paces: dict[int, int] = {}
         started, ending, self.h = layout, None, 0.0
         if plan.adaptive:
-            control, place, method = Tolerance(inside, False), BESIDE, plan._sites.embedded(inside)
+            control, place, method = Tolerance(inside, False), BESIDE, Embedded(steps.method, inside)
         else:
             cut_method: Any = plan._sites.method
             self.h, method = steps.h, uncut(cut_method)
@@ -112,8 +113,7 @@ class SiteShape:
     def within(self) -> Procedure:
         """The procedure as of looks inside of steps: at states, even if samples have none."""
         shown = with_fields(self.shown, kept=True, whole=False, layout=self.state)
-        procedure: Procedure = with_fields(self.procedure, shown=shown, events=())
-        return procedure
+        return with_fields(self.procedure, shown=shown, events=())
 
     @functools.cached_property
     def looking(self) -> SiteExecution:

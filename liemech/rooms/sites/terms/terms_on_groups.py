@@ -32,7 +32,6 @@ def _bound_on_group(energy: Any, kind: type, name: str, group: LieGroup) -> Any:
 
 
 def hamiltonian_of(name: str, group: LieGroup, terms: Terms) -> Any:
-    """The Hamiltonian of terms on a group."""
     hamiltonian = _sum(MomentumTerms, name, group, terms)
     _require_at_rest(name, hamiltonian, ": make it a DrivenLiePoissonSystem(group, terms)")
     single_energies = hamiltonian.of_one if isinstance(hamiltonian.of_one, tuple) else (hamiltonian.of_one,)
@@ -40,35 +39,19 @@ def hamiltonian_of(name: str, group: LieGroup, terms: Terms) -> Any:
     return KineticTerms(**fields_of(hamiltonian)) if kinetic else hamiltonian
 
 
-def driven_of(name: str, group: LieGroup, terms: Terms) -> Any:
-    """The driven Hamiltonian of terms on a group."""
-    return DrivenTerms(_sum(MomentumTerms, name, group, terms))
-
-
 def potential_of(name: str, group: LieGroup, terms: Terms) -> Any:
-    """The potential of terms on a group."""
     potential = _sum(PlaceTerms, name, group, terms)
     cure = ", and potentials do not: write its force as a term with `covector(t, a)`, load=Terms(...)"
     _require_at_rest(name, potential, cure)
     return potential
 
 
-def load_of(name: str, group: LieGroup, terms: Terms) -> Any:
-    """The load of terms on a group."""
-    return _sum(ForceTerms, name, group, terms)
-
-
-def energy_of(name: str, group: LieGroup, terms: Terms) -> Any:
-    """The energy of terms on T*G for this group."""
-    return _sum(EnergyTerms, name, group, terms)
-
-
 BOUND: dict[type, Any] = {
     Hamiltonian: hamiltonian_of,
-    DrivenHamiltonian: driven_of,
+    DrivenHamiltonian: lambda *terms: DrivenTerms(_sum(MomentumTerms, *terms)),
     Potential: potential_of,
-    Force: load_of,
-    EnergyTerms: energy_of,
+    Force: lambda *terms: _sum(ForceTerms, *terms),
+    EnergyTerms: lambda *terms: _sum(EnergyTerms, *terms),
 }
 """By kind of energy, the function that makes it of terms."""
 
