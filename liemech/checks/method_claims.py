@@ -327,7 +327,7 @@ def equivariance(trial: MethodTrial) -> Observation:
     """The steps from k g: the momentum must be that of the steps from g, and the element k g."""
     group, g = trial.system.group, trial.start.g
     units = Units(group)
-    k = group.exp(units.of_length(np.cos(1.0 + np.arange(group.dim)), 1.0))
+    k = group.exp(units.of_unit_length(np.cos(1.0 + np.arange(group.dim))))
     turned = trial.system.state(np.asarray(trial.start.mu), np.asarray(group.compose(k, small(np.asarray(g)))))
     a, b = trial.journey[1], trial.run(WAY, trial.h, turned)
     last = ended(a)

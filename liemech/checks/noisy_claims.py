@@ -55,7 +55,6 @@ class Outcomes(NoisySteps):
         return vec(*[3.0**0.5 * (x - 1.0) for x in z]), (digits + 0.5) / float(self.coins)
 
     def moved(self, system: Any, t: float, memory: Any, h: float, z: Vec, coin: float) -> Any:
-        """A step of the method."""
         return self.inner.moved(system, t, memory, h, z, coin)
 
 

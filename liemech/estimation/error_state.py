@@ -37,7 +37,6 @@ class ErrorStateFilter(Filter):
         return g_next, symmetric(F @ covariance @ F.T + squares(L))
 
     def correction(self, sensor: Any, limit: float) -> Correction:
-        """The Kalman correction by a linearised sensor."""
         return ErrorStateCorrection(sensor, self.side, self.reset, limit)
 
 

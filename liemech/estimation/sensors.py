@@ -112,7 +112,6 @@ class Place(Sensor):
 
     @property
     def value_shape(self) -> tuple[int, ...]:
-        """The shape of an element of the group."""
         return self.group.element_shape
 
     @property
@@ -239,20 +238,16 @@ class OfPart(Sensor):
         return self.sensor.deviation
 
     def value(self, g: Element) -> Any:
-        """The value that the sensor measures at the factor."""
         return self.sensor.value(self.group.split(g)[self.part])
 
     def residual(self, g: Element, z: Ambient) -> Vec:
-        """The residual of the sensor at this part of g."""
         return self.sensor.residual(self.group.split(g)[self.part], z)
 
     def covariance(self, g: Element) -> Mat:
-        """The covariance of the sensor at this part of g."""
         return self.sensor.covariance(self.group.split(g)[self.part])
 
     @property
     def value_shape(self) -> tuple[int, ...]:
-        """The shape of the sensor's values."""
         return self.sensor.value_shape
 
     @property

@@ -49,10 +49,7 @@ class ProcessLink(OfBeliefs):
 
 @record
 class Sight(OfBeliefs):
-    """A measurement of one element.
-
-    Source: Dellaert and Kaess, Factor Graphs for Robot Perception (2017), section 6.
-    """
+    """A measurement of one element."""
 
     sensor: Sensor
     side: str
@@ -75,10 +72,7 @@ class Sight(OfBeliefs):
 
 @record
 class Prior(Sensor):
-    """The belief about an element beforehand, as a measurement of it.
-
-    Source: Dellaert and Kaess, Factor Graphs for Robot Perception (2017), section 6.
-    """
+    """The belief about an element beforehand, as a measurement of it."""
 
     group: LieGroup
     P: Mat
@@ -99,7 +93,6 @@ class Prior(Sensor):
 
     @property
     def value_shape(self) -> tuple[int, ...]:
-        """The shape of an element of the group."""
         return self.group.element_shape
 
     @property

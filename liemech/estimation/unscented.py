@@ -66,7 +66,6 @@ class UnscentedFilter(Filter):
         return moved(group, side, g_next, mean), P
 
     def correction(self, sensor: Any, limit: float) -> Correction:
-        """By elements on both sides of the estimate."""
         return UnscentedCorrection(sensor, self.side, self.reset, limit, self.spread)
 
 

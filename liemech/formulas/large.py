@@ -85,8 +85,7 @@ class Large(InMemory):
     @property
     def flat(self) -> list[float]:
         """The real numbers of all entries, in a row."""
-        numbers: list[float] = self.numbers.ravel().tolist()
-        return numbers
+        return self.numbers.ravel().tolist()
 
     @property
     def array(self) -> np.ndarray:
@@ -168,16 +167,14 @@ class Large(InMemory):
         return self if type(other) is int and other == 0 else self._by_numbers(operator.add, other, self)
 
     def __neg__(self) -> Large:
-        negative: Large = self._by_numbers(operator.mul, -1.0, self)
-        return negative
+        return self._by_numbers(operator.mul, -1.0, self)
 
     def __pos__(self) -> Large:
         return self
 
     def __abs__(self) -> Large:
         if self.numbers is None:
-            absolute: Large = self._engine.absolute(self)
-            return absolute
+            return self._engine.absolute(self)
         return Large.of_numbers(np.abs(self.numbers), self.is_complex)
 
     def __bool__(self) -> bool:
@@ -198,8 +195,7 @@ class Large(InMemory):
         if not isinstance(other, Large):
             return NotImplemented
         if self.axes == 2 and other.axes == 1:  # a matrix of one column
-            columns: Large = (self @ other.reshaped((len(other), 1))).reshaped((len(self),))
-            return columns
+            return (self @ other.reshaped((len(other), 1))).reshaped((len(self),))
         if len(self.shape) + len(other.shape) != 4 or self.shape[1] != other.shape[0]:
             raise InvalidType(f"{self!r} cannot multiply {other!r}")
         if self.is_complex != other.is_complex:
@@ -210,20 +206,17 @@ class Large(InMemory):
 
     @property
     def T(self) -> Large:
-        """The transpose A^T; a vector stays as it is."""
         return self._turned(False)
 
     @property
     def H(self) -> Large:
-        """The conjugate transpose A^H; a vector stays as it is."""
         return self._turned(True)
 
     def _turned(self, conjugate: bool) -> Large:
         if len(self.shape) == 1:
             return self
         if self.numbers is None:
-            transpose: Large = self._engine.turned(self, conjugate and self.is_complex)
-            return transpose
+            return self._engine.turned(self, conjugate and self.is_complex)
         transposed = np.ascontiguousarray(self.numbers.swapaxes(0, 1))
         if self.is_complex and conjugate:
             transposed[..., 1] = -transposed[..., 1]
@@ -232,8 +225,7 @@ class Large(InMemory):
     def without_adjoint(self) -> Large:
         """The difference A - A^H, in new memory."""
         if self.numbers is None:
-            difference: Large = self._engine.without_adjoint(self)
-            return difference
+            return self._engine.without_adjoint(self)
         turned = self.H
         return Large.of_numbers(self.numbers - turned.numbers, self.is_complex)
 
@@ -246,8 +238,7 @@ class Large(InMemory):
     def plus(self, s: float) -> Large:
         """The sum A + s 1, in new memory."""
         if self.numbers is None:
-            shifted: Large = self._engine.plus(self, s)
-            return shifted
+            return self._engine.plus(self, s)
         numbers = self.numbers.copy()
         diagonal = np.arange(len(self))
         numbers[(diagonal, diagonal, 0) if self.is_complex else (diagonal, diagonal)] += s
@@ -263,8 +254,7 @@ class Large(InMemory):
     def over(self, a: Large) -> Large:
         """B A^-1, by Gaussian elimination with pivots; nan if A is singular."""
         if self.numbers is None or a.numbers is None:
-            quotient: Large = (self if self.numbers is None else a)._engine.over(self, a)
-            return quotient
+            return (self if self.numbers is None else a)._engine.over(self, a)
         return Large.of_numbers(blas.over(self.numbers, a.numbers, self.is_complex), self.is_complex)
 
 

@@ -62,8 +62,7 @@ class LinearMap:
         if x.form != self.source:
             raise InvalidType(f"{x!r} where one of shape {self.source[0]} belongs")
         if x.numbers is None:
-            image: Large = x._engine.mapped(self, x)
-            return image
+            return x._engine.mapped(self, x)
         numbers, target = x.numbers.ravel(), np.zeros(size_of(self.target))
         with np.errstate(all="ignore"):
             for rows, coefficients, places in self.groups:
@@ -119,8 +118,7 @@ class DiagonalSolver:
         if b.form != (self.shape, True):
             raise InvalidType(f"{b!r} where a complex matrix of shape {self.shape} belongs")
         if b.numbers is None:
-            solution: Large = b._engine.along_diagonals(self, b)
-            return solution
+            return b._engine.along_diagonals(self, b)
         x, n = b.numbers.copy(), len(b)
         with np.errstate(all="ignore"):
             if self.singular:

@@ -115,8 +115,7 @@ class SiteTable(Record):
     @property
     def numbers(self) -> np.ndarray:
         """The entries, row by row, (degree * places,)."""
-        indices: np.ndarray = self.entries.array.view(np.int32)
-        return indices
+        return self.entries.array.view(np.int32)
 
     @property
     def largest(self) -> int:

@@ -30,7 +30,6 @@ class LeftMultiplication(GroupAction):
 
     @property
     def point_shape(self) -> tuple[int, ...]:
-        """The shape of points, which are elements of the group."""
         return self.group.element_shape
 
     def infinitesimal(self, xi: Vec, x: Element) -> Element:
@@ -54,7 +53,6 @@ class LeftMultiplication(GroupAction):
         return self.group.contains(x)
 
     def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
-        """Random elements of the group."""
         return self.group.random(rng, size)
 
 

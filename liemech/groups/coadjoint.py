@@ -168,7 +168,6 @@ class CoadjointAction(Representation):
 
     @property
     def space_dim(self) -> int:
-        """The dimension of the group."""
         return self.group.dim
 
     def act(self, g: Element, x: Vec) -> Vec:

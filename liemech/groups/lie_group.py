@@ -380,5 +380,4 @@ class CayleyByExponential(LieGroup):
         return self.compose_exp(g, xi)
 
     def cayley_inv(self, g: Element) -> Vec:
-        """The inverse of the Cayley map, the logarithm."""
         return self.log(g)

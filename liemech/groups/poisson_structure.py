@@ -265,7 +265,6 @@ class _OfMatrix(PoissonStructure):
 
     @property
     def dim(self) -> int:
-        """The dimension n of the matrix."""
         return len(self.values)
 
     @property
@@ -367,7 +366,6 @@ class LiePoissonStructure(PoissonStructure):
 
     @property
     def dim(self) -> int:
-        """The dimension of the group."""
         return self.group.dim
 
     @property

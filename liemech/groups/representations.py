@@ -149,7 +149,6 @@ class LinearAction(Representation):
 
     @property
     def space_dim(self) -> int:
-        """The size of the matrices."""
         return self.group.element_shape[0]
 
     def act(self, g: Element, x: Vec) -> Vec:
@@ -169,7 +168,6 @@ class LinearAction(Representation):
         return p @ self.group.algebra.hat(xi)
 
     def why_no_cayley(self) -> str | None:
-        """The reason why the group has none."""
         return self.group.why_no_cayley()
 
 
@@ -182,7 +180,6 @@ class AdjointAction(Representation):
 
     @property
     def space_dim(self) -> int:
-        """The dimension of the group."""
         return self.group.dim
 
     def act(self, g: Element, x: Vec) -> Vec:

@@ -32,7 +32,6 @@ class AbelianAlgebra(AlgebraOfParts):
 
     @property
     def dim(self) -> int:
-        """The dimension n of the vector space."""
         return self.n
 
     @property
@@ -81,15 +80,12 @@ class VectorSpace(CayleyByExponential):
         return AbelianAlgebra(self.n)
 
     def identity(self) -> Element:
-        """The neutral element, the zero vector."""
         return vec(*[0.0] * self.n)
 
     def compose(self, g: Element, h: Element) -> Element:
-        """The group operation, the sum g + h."""
         return g + h
 
     def inverse(self, g: Element) -> Element:
-        """The inverse of addition, -g."""
         return -g
 
     def Ad(self, g: Element, xi: Vec) -> Vec:
@@ -128,11 +124,9 @@ class VectorSpace(CayleyByExponential):
     # ---------------------------------------------------------------- exponential
 
     def exp(self, xi: Vec) -> Element:
-        """The exponential map, the vector xi itself."""
         return xi
 
     def log(self, g: Element) -> Vec:
-        """The logarithm, the vector g itself."""
         return g
 
     def compose_exp(self, g: Element, xi: Vec) -> Element:

@@ -45,7 +45,6 @@ class CommutatorFree(Method):
 
     @property
     def name(self) -> str:
-        """The name of the tableau."""
         return self.tableau.name
 
     def step(self, system: System, t: float, state: Any, h: float) -> Any:

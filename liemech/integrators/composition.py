@@ -63,7 +63,6 @@ class Composition(Remembering):
 
     @property
     def name(self) -> str:
-        """The tableau and the base."""
         return f"{self.tableau.name} of {self.base.name}"
 
     @property
@@ -82,11 +81,9 @@ class Composition(Remembering):
         return self.base.fictive
 
     def require(self, system: Any) -> None:
-        """A system that the base accepts."""
         self.base.require(system)
 
     def step_warning(self, system: Any, start: State, h: float) -> str | None:
-        """The warning of the base of the largest substep."""
         return self.base.step_warning(system, start, self.tableau.reach * h)
 
     def at_node(self, system: Any, state: State, h: float) -> tuple[Any, ...]:

@@ -141,8 +141,7 @@ class EndingAtJumps(Wrapping):
     def is_cut(self, system: Any, t: float, h: float) -> bool:
         """Does an input jump in a step, or at its ends?"""
         near, end = where(h > 0.0, 2.0, -2.0) * slack_of(t, t + h), t + h
-        cut: bool = self.next_end(system, t - near, end + near) != end + near
-        return cut
+        return self.next_end(system, t - near, end + near) != end + near
 
     def parts(self, system: Any, t: float, h: float) -> list[tuple[float, float]]:
         """Where the parts of a step begin, and their lengths, outside of formulas."""

@@ -77,7 +77,6 @@ class GalerkinVariational(Implicit):
 
     @property
     def name(self) -> str:
-        """Galerkin, the order and the retraction."""
         return f"Galerkin {self.order} ({type(self.retraction).__name__})"
 
     def require(self, system: Any) -> None:

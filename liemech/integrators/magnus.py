@@ -55,7 +55,6 @@ class Magnus(Method):
 
     @property
     def name(self) -> str:
-        """The name of the method in tables, with its order."""
         return f"Magnus{self.order}"
 
     def require(self, system: Any) -> None:

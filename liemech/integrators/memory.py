@@ -46,19 +46,15 @@ class Remembering(Method):
         return ()
 
     def start(self, system: Any, state: Any, h: float) -> Memory:
-        """The state, the values there, and the past of a beginning."""
         return self.resume(system, state, self.beginning(system, state, h), h)
 
     def observe(self, memory: Memory) -> Any:
-        """The state at the node."""
         return memory.state
 
     def past(self, memory: Memory) -> Any:
-        """The unknowns of the last steps."""
         return memory.past
 
     def resume(self, system: Any, state: Any, past: Any, h: float) -> Memory:
-        """A state from elsewhere, unknowns to extrapolate from the past."""
         return Memory(state, self.at_node(system, state, h), past)
 
 

@@ -169,22 +169,18 @@ class Wrapping(Method):
 
     @property
     def name(self) -> str:
-        """The name of the method."""
         return self.method.name
 
     @property
     def order(self) -> Any:
-        """The order of the method."""
         return self.method.order  # type: ignore[attr-defined]
 
     @property
     def symmetric(self) -> bool:  # type: ignore[override]
-        """Whether the wrapped method is symmetric."""
         return self.method.symmetric
 
     @property
     def symplectic(self) -> bool:  # type: ignore[override]
-        """Whether the wrapped method is symplectic."""
         return self.method.symplectic
 
     @property
@@ -203,19 +199,15 @@ class Wrapping(Method):
         return self.method.adds
 
     def start(self, system: Any, state: Any, h: float) -> Any:
-        """The first memory of the method."""
         return self.method.start(system, state, h)
 
     def observe(self, memory: Any) -> Any:
-        """The state in the wrapped method's memory."""
         return self.method.observe(memory)
 
     def past(self, memory: Any) -> Any:
-        """The past in the memory of the method."""
         return self.method.past(memory)
 
     def resume(self, system: Any, state: Any, past: Any, h: float) -> Any:
-        """A memory of the method, from a state and a past."""
         return self.method.resume(system, state, past, h)
 
 

@@ -45,7 +45,6 @@ class OfTableau(Method):
 
     @property
     def order(self) -> int:
-        """The order of the tableau."""
         return self.tableau.order
 
     @property
@@ -56,10 +55,7 @@ class OfTableau(Method):
 
 @record
 class ChosenByOrder(OfTableau):
-    """A splitting whose tableau is given, or chosen by its order; abstract.
-
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., II.5.
-    """
+    """A splitting whose tableau is given, or chosen by its order; abstract."""
 
     order: int = 2
     tableau: SplittingTableau = None  # type: ignore[assignment]  # None: the one of this order
@@ -82,7 +78,6 @@ class ChosenByOrder(OfTableau):
 
     @property
     def name(self) -> str:
-        """The name of the tableau, and that it is a splitting."""
         return f"{self.tableau.name} splitting"
 
     def __repr__(self) -> str:
@@ -102,7 +97,6 @@ class SeparableSplitting(OfTableau, Remembering):
     A subclass has the tableau, as a field or a property.  The parts of a Poisson system are a
     composition of the step that makes the motion of each part once, last part first, and of its
     adjoint, with the coefficients of the tableau.
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., II.5.
     """
 
     def require(self, system: Any) -> None:
@@ -241,7 +235,6 @@ class OneForce(SeparableSplitting):
 
     @property
     def name(self) -> str:
-        """The method, and what it begins with if that is a drift."""
         return f"{self.called}{', drift first' if self.first == 'drift' else ''}"
 
 

@@ -66,7 +66,6 @@ class SymplecticRKMK(Implicit):
 
     @property
     def name(self) -> str:
-        """The method and its order."""
         return f"Symplectic RKMK {self.order}"
 
     def require(self, system: Any) -> None:

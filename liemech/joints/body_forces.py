@@ -24,7 +24,6 @@ class PotentialsOfBodies(Potential):
     each: tuple[Any, ...]  # by body, a Potential on SE(3)
 
     def energy(self, g: Vec) -> float:
-        """The sum of the energies of single bodies."""
         return vectors.sum([potential.energy(pose(g, b)) for b, potential in zip(self.bodies, self.each)])
 
     def force(self, group: LieGroup, g: Any) -> Vec:
@@ -63,10 +62,7 @@ class ForcesOfBodies(Force):
 
 @record
 class AtBody(Record):
-    """Field and load on one body, beside joints and weight: a Potential and a Force on SE(3), if any.
-
-    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 2.7.
-    """
+    """Field and load on one body, beside joints and weight: a Potential and a Force on SE(3), if any."""
 
     potentials: tuple[Any, ...]
     loads: tuple[Any, ...]

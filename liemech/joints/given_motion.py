@@ -82,7 +82,6 @@ class TablePath(JointPath):
     table: PiecewisePolynomial
 
     def coordinates(self, t: float) -> Any:
-        """The value at time t."""
         return self.table(t)
 
 
@@ -115,8 +114,7 @@ class MovedJoint(Joint):
     @property
     def turns(self) -> bool | tuple[bool, ...]:  # type: ignore[override]
         """Whether the coordinates of the joint are angles."""
-        turns: bool | tuple[bool, ...] = self.joint.turns
-        return turns
+        return self.joint.turns
 
     @property
     def rotation_vector(self) -> tuple[int, ...]:  # type: ignore[override]
@@ -129,9 +127,7 @@ class MovedJoint(Joint):
         return self.joint.at_first
 
     def at_time(self, t: float) -> MovedJoint:
-        """The joint at time t."""
-        joint: MovedJoint = with_fields(self, time=t)
-        return joint
+        return with_fields(self, time=t)
 
     # ---------------------------------------------------------------- what moves
 

@@ -272,10 +272,7 @@ def resistance_of(force: Any, t: float, q: float, rate: float) -> float:
 
 @record
 class AtJoint(Record):
-    """The forces at one joint.
-
-    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 3.5.
-    """
+    """The forces at one joint."""
 
     joint: Any
     forces: tuple[Any, ...]
@@ -440,10 +437,7 @@ class LinkagePotential(Potential):
 
 @record
 class LinkageForce(Force):
-    """Forces at joints that come from no energy, and perhaps a load of the user's.
-
-    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 3.5.
-    """
+    """Forces at joints that come from no energy, and perhaps a load of the user's."""
 
     at_joints: tuple[Any, ...]
     other: Force | None = None
@@ -477,7 +471,6 @@ class LinkageForce(Force):
         return vec(*efforts)
 
     def resistances(self, t: float, rates: Vec, g: Any) -> Vec:
-        """The damping of all motions of the joints."""
         return self.efforts(t, rates, g, resistance_of)
 
     def resistance(self, t: float, xi: Vec, g: Any, along: Vec) -> Vec:

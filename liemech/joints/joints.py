@@ -674,12 +674,10 @@ class Joints(Constraint):
                 )
 
     def at_time(self, t: float) -> Joints:
-        """These conditions at time t."""
         return with_fields(self, joints=tuple([joint.at_time(t) for joint in self.joints]))
 
     @property
     def rheonomic(self) -> bool:
-        """Whether the conditions change with time."""
         return any(joint.at_time(1.0) is not joint for joint in self.joints)
 
     def paces(self, g: Vec) -> list[Any]:
@@ -743,7 +741,6 @@ class WithRotors(Constraint):
 
     @property
     def rheonomic(self) -> bool:
-        """Whether the conditions of the joints change with time."""
         return self.held.rheonomic
 
     def paces(self, g: Vec) -> list[Any]:
@@ -767,7 +764,6 @@ class WithRotors(Constraint):
         return vec(*self.held.value(g), *coordinates)
 
     def rows(self, group: LieGroup, g: Vec) -> Rows:
-        """The rows of the joints' conditions, and of the motions of rotors."""
         return (*self.held.rows(group, g), *[_motions(rotor, g) for rotor in self.rotors])
 
     def touches(self, group: LieGroup, conditions: int) -> tuple[tuple[int, ...], ...]:

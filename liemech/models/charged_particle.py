@@ -16,7 +16,6 @@ from ..formulas import (
     atan2,
     cross,
     dot,
-    gradient,
     jacobian,
     log,
     mat,
@@ -280,9 +279,6 @@ class GuidingCentreStructure(PoissonStructure):
         [[hat(b)/B*p, B*/B*p], [-B*^T/B*p, 0]]
 
     field : B.  With B in place of B* the identity of Jacobi would fail.
-
-    Source: Littlejohn, J. Plasma Phys. 29 (1983), 111; Cary and Brizard, Rev. Mod. Phys. 81 (2009),
-    693.
     """
 
     dim: ClassVar[int] = 4
@@ -330,10 +326,6 @@ class GuidingEnergy(Hamiltonian):
         x = vec(mu[0], mu[1], mu[2])
         total = 0.5 * (mu[3] * mu[3]) + self.moment * norm(self.field.at(x))
         return total if self.potential is None else total + self.potential.energy(x)
-
-    def gradient(self, mu: Vec) -> Vec:
-        """The derivative of the energy, by derivative numbers.  mu : (4,)."""
-        return gradient(lambda y: self.energy(y), mu)
 
 
 @record

@@ -212,8 +212,7 @@ def time_unit(system: Any) -> str:
         return ""
     parts = getattr(getattr(system, "potential", None), "parts", ())
     of_terms = [part.term.time_unit for part in parts if getattr(part, "term", None) and part.term.time_unit]
-    unit: str = of_terms[0] if of_terms else system.time_unit
-    return unit
+    return of_terms[0] if of_terms else system.time_unit
 
 
 def save(figure: Figure, path: str | PathLike[str], dpi: int = 200) -> None:

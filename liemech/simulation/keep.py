@@ -342,7 +342,6 @@ class DenseOfBodies(Every):
         self.samples = SampleTable(len(heads), heads)
 
     def see(self, piece: PieceOfBodies) -> None:
-        """Keep the rows of all steps of the piece, each at its body."""
         self.samples.add(piece.body, piece.rows(slice(None)))
 
     def rows_of(self, i: int) -> np.ndarray:
@@ -369,8 +368,7 @@ class Quantities:
         """
         run = self.run
         about = SimpleNamespace(system=run.known(None).get("system", run.plan.system), bodies=run.bodies)
-        values: dict[str, np.ndarray] = self.recorder.values(about, run.view.kind, t, states, run.compiled_asked)
-        return values
+        return self.recorder.values(about, run.view.kind, t, states, run.compiled_asked)
 
     def flush(self) -> None:
         """Compute the functions of the samples so far and drop these, if the run streams its samples."""

@@ -60,8 +60,7 @@ class Recorder:
     def of_chosen(self, system: Any, name: str, array: np.ndarray) -> np.ndarray:
         """A part of the states at the chosen sites, (n, sites, ...), from that of all."""
         of_sites = system.by_site({name: array})[name]
-        chosen: np.ndarray = part_with_sites(system, name, of_sites)[:, [*self.chosen[name]]]
-        return chosen
+        return part_with_sites(system, name, of_sites)[:, [*self.chosen[name]]]
 
     def needed(self, whole: Any, system: Any, start: Any) -> tuple[str, ...] | None:
         """The parts of the state that a run must have: for a function of the state all that there are.

@@ -76,8 +76,7 @@ class InPhysicalTime(AsItIs):
         return small_state(self.kind, {name: x[0] for name, x in arrays.items()})
 
     def arrays(self, numbers: np.ndarray) -> dict[str, np.ndarray]:
-        parts: dict[str, np.ndarray] = self.apart(numbers)[1]
-        return parts
+        return self.apart(numbers)[1]
 
     def seen(self, numbers: np.ndarray) -> tuple[Any, np.ndarray]:
         return layout_of(self.small(numbers[0])), flat(self.arrays(numbers), len(numbers))
@@ -220,8 +219,7 @@ def _columns(layout: Any, rows: np.ndarray) -> list[np.ndarray]:
 
 def _samples(make: Any, quantities: Any) -> dict[str, Any]:
     """The fields that are samples, of states or of functions of them."""
-    fields: dict[str, Any] = quantities.fields(make) if quantities else make()
-    return fields
+    return quantities.fields(make) if quantities else make()
 
 
 def _fields(run: Any, quantities: Any) -> dict[str, Any]:
@@ -324,8 +322,7 @@ def clock(runs: list[Any], name: str = "t") -> np.ndarray:
     """The times of several runs, (n, bodies) unless all have the same ones, (n,)."""
     times = [getattr(run, name) for run in runs]
     if all(t.ndim == 1 and np.array_equal(t, times[0]) for t in times):
-        shared: np.ndarray = times[0]
-        return shared
+        return times[0]
     return together(
         runs,
         [np.repeat(t[:, None], run.bodies, axis=1) if run.bodies and t.ndim == 1 else t for t, run in zip(times, runs)],

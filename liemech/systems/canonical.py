@@ -36,10 +36,7 @@ def degrees_of(record: Any) -> int:
 
 @record
 class PhaseSpace(System):
-    """Positions q and momenta p in R^n, as points that R^2n moves by addition; abstract.
-
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VI.1.2.
-    """
+    """Positions q and momenta p in R^n, as points that R^2n moves by addition; abstract."""
 
     coordinates: ClassVar[tuple[str, ...]] = "q", "p"
     degrees: ClassVar[int]

@@ -135,15 +135,12 @@ class CotangentMotion(System):
     # ---------------------------------------------------------------- elements are those of the configurations
 
     def _written_out(self, state: Any) -> Any:
-        """The state with the numbers of all sites in a row."""
         return in_a_row(self, state)
 
     def by_site(self, arrays: dict[str, Any]) -> dict[str, Any]:
-        """The states of several species with an axis of sites."""
         return by_site(self.configurations, arrays)
 
     def as_users_see(self, arrays: dict[str, Any]) -> dict[str, Any]:
-        """The inverse of `by_site`, for every array of a result."""
         return as_users_see(self.configurations, arrays)
 
     @final
@@ -299,7 +296,6 @@ class TangentSystem(CotangentSystem):
 
     @final
     def rates(self, t: float, mu: Vec, g: Element) -> tuple[Vec, Vec]:
-        """The body velocity and the force.  mu : (dim,), g : an element."""
         xi = self.velocity(mu, g)
         return xi, self.momentum_and_force(t, xi, g)[1]
 

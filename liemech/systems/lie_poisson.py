@@ -104,15 +104,12 @@ class LiePoissonMotion(System):
         return BodyState(state.mu, None)
 
     def _written_out(self, state: Any) -> Any:
-        """The state with the numbers of all sites in a row."""
         return in_a_row(self, state)
 
     def by_site(self, arrays: dict[str, Any]) -> dict[str, Any]:
-        """The states of several species with an axis of sites."""
         return by_site(self.group, arrays)
 
     def as_users_see(self, arrays: dict[str, Any]) -> dict[str, Any]:
-        """The inverse of `by_site`, for every array of a result."""
         return as_users_see(self.group, arrays)
 
     def at_site(self, kind: Any) -> Any:
@@ -229,8 +226,7 @@ class LiePoissonSystem(LiePoissonMotion):
         """The site form of a system of many sites: that of one body, whose formulas ask the other
         sites for what they need; None if there is none.
         """
-        of_site: LiePoissonSystem | None = self.at_site(LiePoissonSystem)
-        return of_site
+        return self.at_site(LiePoissonSystem)
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Energy, Casimirs, if the attitude is known, the spatial momentum, and what sites that are coupled

@@ -201,7 +201,6 @@ class MechanicalSystem(CotangentMotion):
 
     @property
     def is_large(self) -> bool:
-        """Whether there are more sites than formulas would be written out for."""
         return self.body.is_large
 
     def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:

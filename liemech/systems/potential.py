@@ -60,7 +60,6 @@ class NoPotential(Potential):
     """No field: V = 0."""
 
     def energy(self, g: Any) -> float:
-        """The energy without a field, zero."""
         return 0.0
 
     def force(self, group: LieGroup, g: Element) -> Vec:

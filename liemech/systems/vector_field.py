@@ -167,7 +167,6 @@ class VectorField(MotionOfPoints):
 
     @final
     def rate(self, t: float, state: PoissonState) -> Vec:
-        """The velocity y' at the state's point."""
         return self.velocity(state.y)
 
     def _check_formulas(self, y: np.ndarray) -> None:
@@ -215,7 +214,6 @@ class SplitField(OfParts, VectorField):
 
     @property
     def dim(self) -> int:
-        """The dimension of the parts."""
         return self.parts[0].dim
 
     def velocity(self, y: Vec) -> Vec:
@@ -241,7 +239,6 @@ class SplitField(OfParts, VectorField):
 
     @final
     def unknown_motion(self) -> str:
-        """Why the motion of some part is not known; empty if all are."""
         for part in self.parts:
             if not has_flow(part):
                 return str(recognised_field(part))
@@ -259,7 +256,6 @@ class RecognisedField(VectorField):
 
     @property
     def dim(self) -> int:
-        """The dimension of the field."""
         return self.field.dim
 
     def velocity(self, y: Vec) -> Vec:

@@ -135,8 +135,7 @@ class Chromium:
             elif "error" in answer:
                 raise BrowserFailure(f"{method}: {answer['error'].get('message')}")
             else:
-                result: dict[str, Any] = answer["result"]
-                return result
+                return answer["result"]
 
     def listen(self, seconds: float) -> None:
         """Let the pages run, and keep what they tell."""
@@ -155,8 +154,7 @@ class Chromium:
                 raise BrowserFailure("the browser ended")
             self._unread += chunk
         message, _, self._unread = self._unread.partition(b"\0")
-        answer: dict[str, Any] = json.loads(message)
-        return answer
+        return json.loads(message)
 
 
 class Page:

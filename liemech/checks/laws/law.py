@@ -63,7 +63,6 @@ class Told(Same):
     told: str = ""
 
     def slips(self, allowed: float) -> str:
-        """The remark, whatever is allowed."""
         return self.told
 
 

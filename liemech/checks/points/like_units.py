@@ -28,7 +28,6 @@ class AlgebraInUnits(AlgebraOfParts):
 
     @property
     def dim(self) -> int:
-        """The dimension of the algebra."""
         return self.algebra.dim
 
     def _of_velocities(self, name: str, xi: Vec, eta: Vec, *more: Any) -> Vec:
@@ -56,16 +55,12 @@ class AlgebraInUnits(AlgebraOfParts):
         return self.algebra.hat(self.units * xi)
 
     def vee(self, matrix: Mat) -> Vec:
-        """The coordinates of a matrix."""
         return self.algebra.vee(matrix) / self.units
 
 
 @record
 class GroupInUnits(SameElements):
-    """A group whose algebra has the generators u_i E_i; the elements are the same.
-
-    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., section 3.1 (a basis).
-    """
+    """A group whose algebra has the generators u_i E_i; the elements are the same."""
 
     units: Vec
 
@@ -75,7 +70,6 @@ class GroupInUnits(SameElements):
         return AlgebraInUnits(self.group.algebra, self.units)
 
     def _element(self, name: str, elements: Any, vectors: Any) -> Element:
-        """The element of the group."""
         return getattr(self.group, name)(*elements, *[self.units * xi for xi in vectors])
 
     def _vector(self, name: str, elements: Any, vectors: Any) -> Vec:
@@ -87,11 +81,9 @@ class GroupInUnits(SameElements):
         return self.group.Ad_star(g, mu / self.units) * self.units
 
     def casimirs(self, mu: Vec) -> Vec:
-        """The Casimirs of the group."""
         return self.group.casimirs(mu / self.units)
 
     def scale(self, g: Element | None) -> Vec:
-        """The scale of the group."""
         return self.group.scale(g) / self.units
 
 

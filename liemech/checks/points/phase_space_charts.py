@@ -215,7 +215,6 @@ class BoundCharts(ConstrainedCharts):
     """
 
     def at_time(self, t: float) -> Charts:
-        """The coordinates under the conditions at time t, in these units."""
         return replace(self, t=t)
 
     @cached_property
@@ -243,14 +242,12 @@ class BoundCharts(ConstrainedCharts):
         return along(rows)
 
     def displaced(self, x: np.ndarray) -> dict[str, np.ndarray]:
-        """The consistent state near the start with these coordinates."""
         first, n = self.begin, self.group.dim
         y = self.sizes * (self.tangent(first) @ x)
         g = self.group.compose_exp(first.g, small(y[:n]))
         return dict(self.system.consistent(flat(first.mu) + y[n:], np.asarray(g)).arrays)
 
     def coordinates(self, about: Any, state: dict[str, np.ndarray]) -> np.ndarray:
-        """The components along the manifold of the change from a state to another one."""
         return np.asarray(self.tangent(about).T @ self.ambient.coordinates(about, state))
 
     def structure(self, at: Any) -> np.ndarray:

@@ -174,8 +174,8 @@ class Units:
         """The sizes of E_1, ..., E_dim.  (dim,)"""
         return np.array([self.length(axis) for axis in self.axes])
 
-    def of_length(self, xi: np.ndarray, length: float) -> Vec:
-        return Vec.of((xi * (length / self.length(Vec.of(xi.tolist())))).tolist())
+    def of_unit_length(self, xi: np.ndarray) -> Vec:
+        return Vec.of((xi * (1.0 / self.length(Vec.of(xi.tolist())))).tolist())
 
     @cached_property
     def weight(self) -> float:
@@ -310,7 +310,7 @@ def sample_points(group: LieGroup, seed: int) -> list[At]:
     n = units.dim
 
     def unit() -> np.ndarray:
-        return flat(units.of_length(rng.normal(size=n), 1.0))
+        return flat(units.of_unit_length(rng.normal(size=n)))
 
     def at(name: str, xi: np.ndarray) -> At:
         return At(
@@ -321,7 +321,7 @@ def sample_points(group: LieGroup, seed: int) -> list[At]:
     points += [at("random", 1.3 * unit()), at("random", unit())]
     points += [at("mixed sizes", unit() * 10.0 ** -rng.integers(0, 9, size=n)) for _ in range(3 if n <= LARGE else 1)]
     for i in range(n) if n <= LARGE else sorted(rng.choice(n, 3, replace=False)):
-        points.append(at(f"along axis {i + 1}", flat(units.of_length(np.eye(n)[i], 1.0))))
+        points.append(at(f"along axis {i + 1}", flat(units.of_unit_length(np.eye(n)[i]))))
     u = unit()
     imaginary, real = turning(units.ad(Vec.of(u.tolist())))
     turn = 2.0 * math.pi / imaginary if imaginary else math.inf

@@ -123,8 +123,7 @@ class Fence:
 
 def _words(numbers: np.ndarray) -> np.ndarray:
     """Floats as words of 64 bits, in place."""
-    words: np.ndarray = numbers.view(np.int64)
-    return words
+    return numbers.view(np.int64)
 
 
 def _parts(numbers: np.ndarray) -> np.ndarray:

@@ -114,8 +114,7 @@ def _instructions(processor: str, names: Sequence[str]) -> list[str]:
 def triple() -> str:
     """The platform, in LLVM's words."""
     with _lock:
-        name: str = llvm.get_process_triple()
-        return name
+        return llvm.get_process_triple()
 
 
 def width() -> int:
@@ -126,8 +125,7 @@ def width() -> int:
 def object_code(text: str) -> bytes:
     """The machine code for a module in LLVM's language."""
     with _lock:
-        code: bytes = _target().emit_object(_optimised(text))
-        return code
+        return _target().emit_object(_optimised(text))
 
 
 def portable(texts: Sequence[str], target: str | None) -> tuple[bytes, str, str, str]:

@@ -277,5 +277,4 @@ class SiteMeetings:
             for s in turn.values
             for k in range(width)
         ]
-        sum_: Num = halves(lanes)
-        return sum_
+        return halves(lanes)

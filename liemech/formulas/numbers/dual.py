@@ -58,7 +58,6 @@ class Dual(ByValue):
 
     @property
     def form(self) -> tuple[Any, ...]:
-        """The class and the level."""
         return Dual, self.level
 
     # An operation with a dual of the same level, with one of a higher level, or with a constant.

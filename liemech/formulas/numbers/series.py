@@ -396,8 +396,7 @@ class SeriesInMemory(Series, InMemory):
     @property
     def shape(self) -> tuple[int, ...]:
         """The shape that each of its terms has."""
-        shape: tuple[int, ...] = self._one.shape
-        return shape
+        return self._one.shape
 
     @property
     def axes(self) -> int:  # type: ignore[override]
@@ -412,7 +411,6 @@ class SeriesInMemory(Series, InMemory):
         return 0.0 * self._one if term is None else term
 
     def each(self, linear: Callable[[Any], Any]) -> SeriesInMemory:
-        """The image under a linear map, term by term."""
         return cast(SeriesInMemory, _made(lambda k: _each(linear, self.term(k)), self))
 
     def __getitem__(self, index: Any) -> Any:
@@ -437,7 +435,6 @@ class SeriesInMemory(Series, InMemory):
         return _as_series(other) @ self
 
     def inner_with(self, other: Any) -> Any:
-        """The series of the scalar product."""
         return _convolved(self, _as_series(other), lambda a, b: a.inner_with(b), Series())
 
     @property

@@ -38,8 +38,7 @@ def company(holder: Any) -> list[SeriesMeeting]:
     """
     if holder.company is None or any(len(x.meetings) > 1 for x in holder.company):
         holder.company = []
-    meetings: list[SeriesMeeting] = holder.company
-    return meetings
+    return holder.company
 
 
 class SeriesMeeting:

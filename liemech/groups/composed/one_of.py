@@ -65,7 +65,6 @@ class AlgebraOfOne(AlgebraOfParts):
 
     @property
     def dim(self) -> int:
-        """The largest dimension among the kinds."""
         return self.size
 
     def _of_velocities(self, name: str, xi: Vec, eta: Vec, *more: Any) -> Vec:

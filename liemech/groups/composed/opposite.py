@@ -29,12 +29,10 @@ class OppositeAlgebra(AlgebraOfParts):
 
     @property
     def dim(self) -> int:
-        """The dimension of the algebra."""
         return self.algebra.dim
 
     @property
     def invariant_form(self) -> np.ndarray | None:
-        """The invariant form of the algebra."""
         return self.algebra.invariant_form
 
     def _of_velocities(self, name: str, xi: Vec, eta: Vec, *more: Any) -> Vec:
@@ -47,7 +45,6 @@ class OppositeAlgebra(AlgebraOfParts):
         return r, by_p, -by_xi
 
     def is_exp_chart(self, xi: Vec) -> bool:
-        """The chart of the algebra."""
         return self.algebra.is_exp_chart(xi)
 
 
@@ -77,11 +74,9 @@ class OppositeGroup(SameElements):
 
     @cached_property
     def algebra(self) -> OppositeAlgebra:
-        """The algebra of the group with the opposite bracket."""
         return OppositeAlgebra(self.group.algebra)
 
     def compose(self, g: Element, h: Element) -> Element:
-        """The opposite product, h g in the group."""
         return self.group.compose(h, g)
 
     def compose_exp(self, g: Element, xi: Vec) -> Element:
@@ -120,13 +115,10 @@ class OppositeGroup(SameElements):
 
     @property
     def unit_blocks(self) -> tuple[int, ...]:
-        """The blocks of equal units of the group."""
         return self.group.unit_blocks
 
     def further_invariants(self, mu: Any) -> tuple[float, ...] | None:
-        """The further invariants of the group."""
         return self.group.further_invariants(mu)
 
     def scale(self, g: Element | None) -> Vec:
-        """The scale of the group."""
         return self.group.scale(g)

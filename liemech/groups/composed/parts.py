@@ -52,7 +52,6 @@ class AlgebraOfParts(LieAlgebra):
         return self._of_momenta("exp_Ad_star", xi, mu)
 
     def dexp(self, xi: Vec, eta: Vec) -> Vec:
-        """The differential dexp_xi eta, part by part."""
         return self._of_velocities("dexp", xi, eta)
 
     def dexp_dual(self, xi: Vec, mu: Vec) -> Vec:
@@ -72,7 +71,6 @@ class AlgebraOfParts(LieAlgebra):
         return self._of_velocities("dexp_inv_series", xi, eta, terms)
 
     def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
-        """The residual of the exponential."""
         return self._of_equations("exp_residual", xi, p, mu)
 
     # the Cayley map
@@ -82,7 +80,6 @@ class AlgebraOfParts(LieAlgebra):
         return self._of_momenta("cayley_Ad_star", xi, mu)
 
     def dcayley(self, xi: Vec, eta: Vec) -> Vec:
-        """The differential dcay_xi eta, part by part."""
         return self._of_velocities("dcayley", xi, eta)
 
     def dcayley_dual(self, xi: Vec, mu: Vec) -> Vec:
@@ -98,7 +95,6 @@ class AlgebraOfParts(LieAlgebra):
         return self._of_momenta("dcayley_inv_dual", xi, mu)
 
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
-        """The residual of the Cayley map."""
         return self._of_equations("cayley_residual", xi, p, mu)
 
 
@@ -124,11 +120,9 @@ class GroupOfParts(LieGroup):
         raise undefined(self, "_vector")
 
     def identity(self) -> Element:
-        """The neutral elements of the parts."""
         return self._element("identity", (), ())
 
     def compose(self, g: Element, h: Element) -> Element:
-        """The product g h, part by part."""
         return self._element("compose", (g, h), ())
 
     def inverse(self, g: Element) -> Element:
@@ -136,7 +130,6 @@ class GroupOfParts(LieGroup):
         return self._element("inverse", (g,), ())
 
     def Ad(self, g: Element, xi: Vec) -> Vec:
-        """The adjoint action Ad_g xi, part by part."""
         return self._vector("Ad", (g,), (xi,))
 
     def Ad_star(self, g: Element, mu: Vec) -> Vec:
@@ -148,7 +141,6 @@ class GroupOfParts(LieGroup):
         return self._vector("body_velocity", (g, rate), ())
 
     def nearest(self, g: Ambient) -> Element:
-        """The nearest elements of the parts."""
         return self._element("nearest", (g,), ())
 
     # the exponential
@@ -158,7 +150,6 @@ class GroupOfParts(LieGroup):
         return self._element("exp", (), (xi,))
 
     def log(self, g: Element) -> Vec:
-        """The logarithm of g, part by part."""
         return self._vector("log", (g,), ())
 
     def compose_exp(self, g: Element, xi: Vec) -> Element:
@@ -172,7 +163,6 @@ class GroupOfParts(LieGroup):
         return self._element("cayley", (), (xi,))
 
     def cayley_inv(self, g: Element) -> Vec:
-        """The inverse Cayley map, part by part."""
         return self._vector("cayley_inv", (g,), ())
 
     def compose_cayley(self, g: Element, xi: Vec) -> Element:

@@ -46,7 +46,6 @@ class PowerAlgebra(DirectSum):
 
     @property
     def dim(self) -> int:
-        """The dimension of all copies."""
         return self.copies * self.base.dim
 
     def parts(self, xi: Vec) -> tuple[Vec, ...]:
@@ -95,7 +94,6 @@ class PowerGroup(DirectProduct):
 
     @cached_property
     def algebra(self) -> PowerAlgebra:
-        """The direct sum of the copies of the base's algebra."""
         return PowerAlgebra(self.base.algebra, self.copies)
 
     @property
@@ -110,7 +108,6 @@ class PowerGroup(DirectProduct):
 
     @property
     def unit_blocks(self) -> tuple[int, ...]:
-        """The blocks of equal units of the copies."""
         return self.base.unit_blocks * self.copies
 
     # ---------------------------------------------------------------- sites
@@ -187,7 +184,6 @@ class PowerGroup(DirectProduct):
 
     @property
     def is_large(self) -> bool:
-        """Whether there are more sites than formulas would be written out for."""
         return self.dim > WRITTEN_OUT
 
     def objection(self, g: np.ndarray) -> str | None:

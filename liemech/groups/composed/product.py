@@ -53,16 +53,12 @@ class DirectSum(AlgebraOfParts):
 
 @record
 class ProductAlgebra(DirectSum):
-    """The direct sum of Lie algebras.
-
-    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., definition 3.12.
-    """
+    """The direct sum of Lie algebras."""
 
     factors: tuple[Any, ...]
 
     @property
     def dim(self) -> int:
-        """The sum of the dimensions."""
         return sum([factor.dim for factor in self.factors])
 
 
@@ -73,8 +69,6 @@ class DirectProduct(GroupOfParts):
     An element is one vector, the entries of the factors' elements one after another, matrices row
     by row and complex entries as real and imaginary part.  Velocities and momenta are those of the
     factors one after another.  A subclass has `factors` and `algebra`.
-
-    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., definition 1.12.
     """
 
     if TYPE_CHECKING:  # a field here would be one of every subclass
@@ -145,12 +139,10 @@ class DirectProduct(GroupOfParts):
     # ---------------------------------------------------------------- momenta
 
     def casimirs(self, mu: Vec) -> Vec:
-        """The Casimirs of the factors."""
         return self._vector("casimirs", (), (mu,))
 
     @property
     def unit_blocks(self) -> tuple[int, ...]:
-        """The blocks of equal units of the factors."""
         return tuple(size for factor in self.factors for size in factor.unit_blocks)
 
     def further_invariants(self, mu: Any) -> tuple[float, ...] | None:
@@ -240,7 +232,6 @@ class ProductGroup(DirectProduct):
 
     @cached_property
     def algebra(self) -> ProductAlgebra:
-        """The direct sum of the factors' algebras."""
         return ProductAlgebra(tuple([factor.algebra for factor in self.factors]))
 
     @property

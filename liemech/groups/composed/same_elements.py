@@ -21,11 +21,9 @@ class SameElements(GroupOfParts):
     group: Any
 
     def _element(self, name: str, elements: Any, vectors: Any) -> Element:
-        """The element of the group."""
         return getattr(self.group, name)(*elements, *vectors)
 
     def _vector(self, name: str, elements: Any, vectors: Any) -> Vec:
-        """The vector of the group."""
         return getattr(self.group, name)(*elements, *vectors)
 
     def why_no_cayley(self) -> str | None:
@@ -33,13 +31,10 @@ class SameElements(GroupOfParts):
         return self.group.why_no_cayley()
 
     def defect(self, g: Ambient) -> float:
-        """The defect of the group."""
         return self.group.defect(g)
 
     def objection(self, g: np.ndarray) -> str | None:
-        """The objection of the group."""
         return self.group.objection(g)
 
     def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
-        """Random elements of the group."""
         return self.group.random(rng, size)

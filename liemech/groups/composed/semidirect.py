@@ -33,7 +33,6 @@ class SemidirectAlgebra(LieAlgebra):
 
     @property
     def dim(self) -> int:
-        """The dimension of the group plus that of the vector space."""
         return self.action.group.dim + self.action.space_dim
 
     @property
@@ -205,7 +204,6 @@ class SemidirectProduct(DirectProduct):
 
     @cached_property
     def algebra(self) -> SemidirectAlgebra:
-        """The semidirect sum of the algebra and the vector space."""
         return SemidirectAlgebra(self.action)
 
     @cached_property
@@ -255,7 +253,6 @@ class SemidirectProduct(DirectProduct):
 
     @property
     def unit_blocks(self) -> tuple[int, ...]:
-        """The blocks of equal units of the group, and the covector."""
         return (*self.acting.unit_blocks, self.action.space_dim)
 
     def further_invariants(self, mu: Any) -> tuple[float, ...] | None:

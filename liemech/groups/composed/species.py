@@ -49,7 +49,6 @@ class SpeciesGroup(DirectProduct):
 
     @cached_property
     def algebra(self) -> ProductAlgebra:
-        """The direct sum of the powers' algebras."""
         return ProductAlgebra(tuple([power.algebra for power in self.powers]))
 
     @property
@@ -127,7 +126,6 @@ class SpeciesGroup(DirectProduct):
 
     @property
     def is_large(self) -> bool:
-        """Whether there are more sites than formulas would be written out for."""
         return self.dim > WRITTEN_OUT
 
     @cached_property

@@ -80,7 +80,6 @@ class Heisenberg(CayleyByExponential, MatrixLieGroup):
 
     @cached_property
     def algebra(self) -> MatrixLieAlgebra:
-        """The algebra that the generators span."""
         return HeisenbergAlgebra(self)
 
     # ---------------------------------------------------------------- group

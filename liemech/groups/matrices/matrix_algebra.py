@@ -49,7 +49,6 @@ class MatrixLieAlgebra(LieAlgebra):
 
     @cached_property
     def is_large(self) -> bool:
-        """Whether the matrices are too large for formulas."""
         return self.generated.large
 
     @cached_property

@@ -123,8 +123,7 @@ def casimirs(group: MatrixLieGroup, mu: np.ndarray) -> np.ndarray:
     """
     if not hasattr(group, "_casimirs_of"):
         return np.zeros((len(mu), 0))
-    traces: np.ndarray = group._casimirs_of(group.generated.covector(mu))
-    return traces
+    return group._casimirs_of(group.generated.covector(mu))
 
 
 def _cayley(basis: MatrixBasis, xi: np.ndarray) -> np.ndarray:

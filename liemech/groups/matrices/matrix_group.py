@@ -73,12 +73,10 @@ class MatrixLieGroup(LieGroup):
 
     @cached_property
     def is_large(self) -> bool:
-        """Whether the matrices are too large for formulas."""
         return self.generated.large
 
     @cached_property
     def algebra(self) -> MatrixLieAlgebra:
-        """The algebra that the generators span."""
         return MatrixLieAlgebra(self)
 
     @cached_property
@@ -105,7 +103,6 @@ class MatrixLieGroup(LieGroup):
     # ---------------------------------------------------------------- group
 
     def identity(self) -> Element:
-        """The neutral element, the unit matrix."""
         return _constant(np.eye(self.generated.n, dtype=self._kind), self.is_large)
 
     @property
@@ -152,7 +149,6 @@ class MatrixLieGroup(LieGroup):
     # ---------------------------------------------------------------- exponential
 
     def exp(self, xi: Vec) -> Element:
-        """The exponential of the matrix."""
         return plus(expm1(self.algebra.hat(xi)), 1.0)
 
     def compose_exp(self, g: Element, xi: Vec) -> Element:
@@ -196,7 +192,6 @@ class MatrixLieGroup(LieGroup):
     # ---------------------------------------------------------------- Cayley map
 
     def why_no_cayley(self) -> str | None:
-        """The generators whose product x y x leaves the algebra."""
         return self.generated.without_cayley
 
     def _require_cayley(self) -> None:

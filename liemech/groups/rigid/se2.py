@@ -149,7 +149,6 @@ class SE2(LieGroup):
     unit_blocks = (1, 2)  # Pi and P
 
     def identity(self) -> Element:
-        """The neutral element, the unit matrix."""
         return mat(vec(1.0, 0.0, 0.0), vec(0.0, 1.0, 0.0), vec(0.0, 0.0, 1.0))
 
     def compose(self, g: Element, h: Element) -> Element:

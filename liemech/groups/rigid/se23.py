@@ -90,7 +90,6 @@ class SE23(LieGroup):
     unit_blocks = (3, 3, 3)  # m, k and p
 
     def identity(self) -> Element:
-        """The neutral element, the unit matrix."""
         return extended(SO3().identity(), vec(*ZERO), vec(*ZERO), 0.0)
 
     def compose(self, g: Element, h: Element) -> Element:

@@ -222,7 +222,6 @@ class SE3(LieGroup):
     unit_blocks = (3, 3)  # Pi and P
 
     def identity(self) -> Element:
-        """The neutral element, the unit matrix."""
         return _matrix(SO3().identity(), vec(0.0, 0.0, 0.0))
 
     def compose(self, g: Element, h: Element) -> Element:

@@ -130,7 +130,6 @@ class SGal3(LieGroup):
     unit_blocks = (3, 3, 3, 1)  # m, k, p and e
 
     def identity(self) -> Element:
-        """The neutral element, the unit matrix."""
         return extended(SO3().identity(), vec(0.0, 0.0, 0.0), vec(0.0, 0.0, 0.0), 0.0)
 
     def compose(self, g: Element, h: Element) -> Element:
@@ -173,7 +172,6 @@ class SGal3(LieGroup):
         return defect(g)
 
     def objection(self, g: np.ndarray) -> str | None:
-        """The last rows are wrong, or the rotation is none."""
         return objection(g)
 
     def nearest(self, g: Ambient) -> Element:

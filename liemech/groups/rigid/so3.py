@@ -50,7 +50,6 @@ class SO3Algebra(LieAlgebra):
     )
 
     def bracket(self, xi: Vec, eta: Vec) -> Vec:
-        """The bracket of velocities, xi x eta."""
         return cross(xi, eta)
 
     def ad_star(self, xi: Vec, mu: Vec) -> Vec:
@@ -170,7 +169,6 @@ class SO3(LieGroup):
     algebra = SO3_ALGEBRA
 
     def identity(self) -> Element:
-        """The neutral element, the unit matrix."""
         return mat(vec(1.0, 0.0, 0.0), vec(0.0, 1.0, 0.0), vec(0.0, 0.0, 1.0))
 
     def inverse(self, g: Element) -> Element:
@@ -178,7 +176,6 @@ class SO3(LieGroup):
         return g.T
 
     def Ad(self, g: Element, xi: Vec) -> Vec:
-        """The adjoint action, the rotated velocity g xi."""
         return g @ xi
 
     def Ad_star(self, g: Element, mu: Vec) -> Vec:

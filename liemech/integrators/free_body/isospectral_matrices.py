@@ -59,8 +59,7 @@ def midpoint(system: Any, w0: Mat, guess: Mat, method: Any, h: float) -> tuple[M
     that is, W = W_0 - [P, W] + P W P and W_1 = W_0 - 2 [P, W].  Raises NoConvergence.
     """
     sweep = lambda both: midpoint_sweep(system, w0, both[0], h)  # noqa: E731
-    middle: tuple[Mat, Mat] = fixed_point(sweep, (guess, plain(guess)), method, h)
-    return middle
+    return fixed_point(sweep, (guess, plain(guess)), method, h)
 
 
 def midpoint_sweep(system: Any, w0: Mat, w: Mat, h: float) -> tuple[tuple[Mat, Mat], float, float]:
@@ -115,8 +114,7 @@ def stages(
     Where all matrices are antihermitian R_i is the adjoint of Q_i.  Raises NoConvergence.
     """
     sweep = lambda found: stages_sweep(system, rows, w0, found, h)  # noqa: E731
-    increments: tuple[Any, ...] = fixed_point(sweep, guess, method, h)
-    return increments
+    return fixed_point(sweep, guess, method, h)
 
 
 def stages_sweep(

@@ -205,7 +205,6 @@ class Isospectral(Implicit):
 
     @property
     def name(self) -> str:
-        """Isospectral Gauss and the order."""
         return f"Isospectral Gauss {self.order}"
 
     def require(self, system: Any) -> None:
@@ -227,7 +226,6 @@ class Isospectral(Implicit):
             )
 
     def beginning(self, system: Any, state: BodyState, h: float) -> Any:
-        """A past in which every step had the first guess as its unknown."""
         first = self.first(system, state, h)
         return (first,) * (6 if lies_in_memory(system.group) else 3)
 

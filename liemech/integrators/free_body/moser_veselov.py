@@ -50,7 +50,6 @@ class MoserVeselov(Implicit):
         require_free_body(self, system)
 
     def first(self, system: Any, state: BodyState, h: float) -> Vec:
-        """The displacement at the velocity of the start."""
         return h * system.velocity(state.mu)
 
     def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
@@ -196,7 +195,6 @@ class ExactMoserVeselov(MoserVeselov):
         return super().step(system, t, memory, h)
 
     def inertia(self, system: Any) -> Vec | Mat:
-        """The fitted moments in place of the system's."""
         return self.moments
 
 

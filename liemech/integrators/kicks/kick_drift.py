@@ -249,7 +249,6 @@ class KickDrift(FieldSplitting):
 
     @property
     def name(self) -> str:
-        """The tableau and the free motion."""
         return f"{self.tableau.name} splitting ({self.free.name})"
 
     @property

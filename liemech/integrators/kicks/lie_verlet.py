@@ -48,5 +48,4 @@ class LieVerlet(FieldSplitting):
 
     @property
     def name(self) -> str:
-        """The name of the method in tables, with its retraction."""
         return f"Lie-Verlet ({type(self.retraction).__name__})"

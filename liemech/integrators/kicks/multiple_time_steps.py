@@ -112,7 +112,6 @@ class MultipleTimeSteps(Remembering):
 
     @property
     def name(self) -> str:
-        """The method and its ratios."""
         return f"{'Mollified impulse' if self.mollified else 'Impulse'} {':'.join(map(str, self.ratios))}"
 
     def require(self, system: Any) -> None:

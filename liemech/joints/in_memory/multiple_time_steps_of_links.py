@@ -41,7 +41,6 @@ class MultipleTimeStepsOfLinks(StepsOfLinks):
     symmetric: ClassVar[bool] = True
 
     def start(self, system: Any, state: Any, h: float) -> LinkMemory:
-        """A state, with pasts that are still to come."""
         return self.fast.start(system, state, h)
 
     def step_together(

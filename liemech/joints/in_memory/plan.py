@@ -40,5 +40,4 @@ class LinksOfPlan(SitesOfPlan):
 
     @property
     def kind(self) -> Any:
-        """The class of the runs."""
         return LinksRun

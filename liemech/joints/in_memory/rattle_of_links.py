@@ -86,7 +86,6 @@ class RattleOfLinks(StepsOfLinks):
         return LinkMemory(state, ((none,) * PASTS,) * self.stages, state)
 
     def observe(self, memory: LinkMemory) -> Any:
-        """The state, once it is settled."""
         return memory.shown
 
     def settle(self, system: Any, t: float, sites: Any, copy: int, memory: Layout) -> None:

@@ -48,18 +48,13 @@ class BodyAmongJoints(System):
 
     @property
     def unit_blocks(self) -> tuple[int, ...]:
-        """The blocks of one unit of a free body."""
         return tuple(FREE.unit_blocks)
 
     def displaced(self, retraction: Any, state: BodyState, omega: Vec) -> BodyState:
-        """The state of a free body, displaced."""
-        moved: BodyState = FREE.displaced(retraction, state, omega)
-        return moved
+        return FREE.displaced(retraction, state, omega)
 
     def variation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
-        """The variation of the state of a free body."""
-        change_and_sizes: tuple[Vec, Vec] = FREE.variation(state, omega)
-        return change_and_sizes
+        return FREE.variation(state, omega)
 
     def mean_over_sites(self, value: Any) -> Any:
         """The mean over all bodies: places behind them do not count."""

@@ -203,8 +203,7 @@ class LinksRun(SiteRun):
     @property
     def work(self) -> np.ndarray:
         """The numbers that a step works with, of which `of` has columns by name."""
-        numbers: np.ndarray = self.of.inertia.array
-        return numbers
+        return self.of.inertia.array
 
     def become(self, plan: Any, anew: bool) -> None:
         """Go on with the plan of another linkage, of the same joints and kinds of forces.
@@ -245,8 +244,7 @@ class LinksRun(SiteRun):
     def states(self, rows: np.ndarray) -> dict[str, np.ndarray]:
         """States as users see them, of the numbers of places, (n, width, places)."""
         arrays = unpacked(self.shape.state, np.moveaxis(rows, 1, -1))
-        parts: dict[str, np.ndarray] = self.plan._one.as_users_see(arrays)
-        return parts
+        return self.plan._one.as_users_see(arrays)
 
     # ---------------------------------------------------------------- steps
 

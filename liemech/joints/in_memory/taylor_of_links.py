@@ -73,7 +73,6 @@ class TaylorOfLinks(StepsOfLinks):
 
     @property
     def room(self) -> int:
-        """The number of rows of memory that coefficients take."""
         return self.terms.width
 
     def step_together(

@@ -42,7 +42,6 @@ class BlochIserles(IsospectralFlow):
 
     @property
     def size(self) -> int:
-        """The number n of rows of the matrices."""
         return len(self.skew)
 
     @cached_property

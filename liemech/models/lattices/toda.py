@@ -110,10 +110,7 @@ class TodaKinetic(Part):
 
 @record
 class TodaPotential(Hamiltonian):
-    """4 sum a_i^2, the energy of the springs: b moves along a straight line.
-
-    Source: Flaschka, Phys. Rev. B 9 (1974), 1924.
-    """
+    """4 sum a_i^2, the energy of the springs: b moves along a straight line."""
 
     particles: int
     springs: int
@@ -136,8 +133,6 @@ class TodaSite(OfParts, VectorField):
     for theirs; behind the last particle of an open lattice a = 0.
 
     before, after : the sites next to each.
-
-    Source: Flaschka, Phys. Rev. B 9 (1974), 1924.
     """
 
     before: SiteTable

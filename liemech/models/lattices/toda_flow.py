@@ -40,7 +40,6 @@ class TodaFlow(IsospectralFlow):
 
     @property
     def size(self) -> int:
-        """The number n of rows of L."""
         return self.n
 
     @cached_property

@@ -73,7 +73,6 @@ class RodStrain(CellTerm):
         return times(self.stiffness, eta - self.rest)
 
     def moduli(self, eta: Vec) -> Mat | Vec:
-        """The stiffness K of the element, a matrix or its diagonal."""
         return self.stiffness
 
 

@@ -36,10 +36,7 @@ class BentSpring(Term):
 
 @record
 class Walls(Term):
-    """Springs to the walls, of the masses whose parameters `left` and `right` are 1.
-
-    Source: Ford, Phys. Rep. 213 (1992), 271.
-    """
+    """Springs to the walls, of the masses whose parameters `left` and `right` are 1."""
 
     alpha: float
     beta: float
@@ -83,7 +80,6 @@ class FermiPastaUlam(SeparableSites):
 
     @property
     def sites(self) -> int:
-        """The number n of sites, one of each particle."""
         return self.particles
 
     def masses_in_space(self) -> MechanicalSystem:

@@ -217,5 +217,4 @@ def _angles(u: Array, v: Array) -> Array:
     """
     sizes = np.linalg.norm(u, axis=-1, keepdims=True), np.linalg.norm(v, axis=-1, keepdims=True)
     a, b = u * sizes[1], v * sizes[0]
-    angles: Array = 2.0 * np.arctan2(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1))
-    return angles
+    return 2.0 * np.arctan2(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1))

@@ -162,7 +162,6 @@ class Gravity(Term):
         return -self.constant * a.mass * b.mass / norm(a.g - b.g)
 
     def force(self, group: Any, k: int, *sites: Any) -> Vec:
-        """The pull on mass k."""
         return self.forces(group, *sites)[k]
 
     def forces(self, group: Any, *sites: Any) -> tuple[Vec, ...]:

@@ -40,7 +40,6 @@ class PointGravity(ConservativeEffector):
         return -(self.attraction * here.mass / (square * sqrt(square))) * x
 
     def torque(self, here: Any) -> Vec:
-        """The torque on a point mass, zero."""
         return vec(0.0, 0.0, 0.0)
 
 

@@ -190,8 +190,7 @@ class Spacecraft(MechanicalSystem):
         group: Any = self.configurations
         lead = np.broadcast_shapes(R.shape[:-2], *[a.shape[:-1] for a in (x, v, w, wheels)])
         xi = np.concatenate([np.broadcast_to(a, (*lead, a.shape[-1])) for a in (w, v, wheels)], axis=-1)
-        start: BodyState = self.state(xi=xi, g=group.join(R, x, *[np.zeros((*lead, n))][: n > 0]))
-        return start
+        return self.state(xi=xi, g=group.join(R, x, *[np.zeros((*lead, n))][: n > 0]))
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Energy without a load; the angular momentum of spin and orbit together where all effectors

@@ -153,8 +153,7 @@ class ChainPendulum(SeparableConstrainedSystem):
         bodies, rods, makes = Link, RigidRod, Linkage  # type: Any, Any, Any
         links = [bodies(m, [m * l * l] * 3) for m, l in zip(self.masses, self.lengths)]
         joints = [rods(k, k - 1 if k else None, length=l, name=f"rod {k}") for k, l in enumerate(self.lengths)]
-        form: LinkedForm = makes(links, joints, self.gravity).linked
-        return form
+        return makes(links, joints, self.gravity).linked
 
     def label(self, joint: int) -> str:
         """The name of a rod in messages."""

@@ -49,5 +49,4 @@ def colors(values: Array) -> Array:
     from matplotlib import colormaps
 
     rank = np.argsort(np.argsort(values, kind="stable"), kind="stable")
-    rgba: Array = colormaps[SCALE](rank / max(1, len(rank) - 1))
-    return rgba
+    return colormaps[SCALE](rank / max(1, len(rank) - 1))

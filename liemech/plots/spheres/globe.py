@@ -77,8 +77,7 @@ def directions(values: Array) -> Array:
     largest = np.abs(values).max(axis=-1, keepdims=True)
     values = np.divide(values, largest, out=np.zeros_like(values), where=largest > 0.0)
     size = np.linalg.norm(values, axis=-1, keepdims=True)
-    units: Array = np.divide(values, size, out=values, where=size > 0.0)
-    return units
+    return np.divide(values, size, out=values, where=size > 0.0)
 
 
 def line(ax: Axes, curve: Array, back: float, zorder: float, **style: Any) -> None:
@@ -162,5 +161,4 @@ def _shade() -> Array:
     z = np.sqrt(np.clip(1.0 - x**2 - y**2, 0.0, None))
     light = (0.5 + 0.5 * (-0.40 * x + 0.55 * y + 0.73 * z))[..., None] ** 1.6
     dark, bright = np.array([0.745, 0.775, 0.825]), np.array([0.985, 0.988, 0.994])
-    image: Array = dark + light * (bright - dark)
-    return image
+    return dark + light * (bright - dark)

@@ -139,8 +139,7 @@ class RateLimit:
 def ramp(t: float, value: np.ndarray, slope: np.ndarray) -> Ramp:
     """A ramp from the time t on, whose numbers are checked already."""
     value_and_slope = (small(value), small(slope)) if value.ndim else (float(value), float(slope))
-    command: Ramp = fill(Ramp, {"value": value_and_slope[0], "slope": value_and_slope[1], "t0": float(t)})
-    return command
+    return fill(Ramp, {"value": value_and_slope[0], "slope": value_and_slope[1], "t0": float(t)})
 
 
 def command_of(value: Any, name: str) -> np.ndarray:

@@ -124,8 +124,7 @@ class Stepper:
             if plan.recorder is not None or plan.record is not None or plan._steps.every != 1:
                 plan = plan.replace(record=None, every=1)
             run = plan.resume(self, steps=1, t_eval=[t])
-            state: State = run.last
-            return state
+            return run.last
 
     @property
     def inputs(self) -> dict[str, Any]:
@@ -141,8 +140,7 @@ class Stepper:
     @property
     def start(self) -> State:
         """The state in which it began."""
-        state: State = self._first_carry.state
-        return state
+        return self._first_carry.state
 
     @property
     def plan(self) -> Any:
@@ -194,15 +192,13 @@ class Stepper:
     @property
     def stopped(self) -> Stopped:
         """The bodies of an ensemble that go no further: after how many steps, and why."""
-        stopped: Stopped = self._standing.inner.stopped
-        return stopped
+        return self._standing.inner.stopped
 
     @property
     def state(self) -> State:
         """The state at this time."""
         with self._lock:
-            state: State = self._standing.state
-            return state
+            return self._standing.state
 
     def __getattr__(self, name: str) -> Any:
         """A part of the state, an array of its own."""
@@ -467,8 +463,7 @@ class BodyInPlace(InPlace):
         self.native.on_memory(block, buffers)
         if memory.item(place.taken) != 1.0:
             return None
-        state: State = build(place.shape.shown, iter(memory[place.kept :].tolist()))
-        return state
+        return build(place.shape.shown, iter(memory[place.kept :].tolist()))
 
     def take(self, new: list[Held], held: dict[str, Held]) -> bool:
         system = self.system

@@ -159,7 +159,6 @@ class BoundBody(System):
 
     @property
     def _turning_group(self) -> LieGroup:
-        """The group of the configurations."""
         return self.group.acting
 
     def _turning_velocity(self, t: float, state: Any) -> Vec:
@@ -242,12 +241,10 @@ class BoundBody(System):
 
     @final
     def displaced(self, retraction: Retraction, state: BodyState, omega: Vec) -> BodyState:
-        """The state of the free body, displaced."""
         return self.body.displaced(retraction, state, omega)
 
     @final
     def variation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
-        """The variation of the state of the free body."""
         return self.body.variation(state, omega)
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -278,7 +275,6 @@ class BoundBody(System):
 
     @final
     def _reached(self, **parts: Any) -> BodyState:
-        """The state with these parts, whether it obeys the constraint or not."""
         return self._body_state("state", parts.get("mu"), parts.get("g"), None)
 
     def _require_consistent(self, mu: Any, g: Any) -> None:

@@ -140,7 +140,6 @@ class SplitConstrainedSystem(OfParts, ConstrainedSystem):
 
     @final
     def unknown_motion(self) -> str:
-        """Why the motion of some part is not known; empty if all are."""
         for part in self.parts:
             if type(part).flow is not ConstrainedPart.flow:
                 continue

@@ -54,7 +54,6 @@ class IndexReduction(Wrapping):
 
     @property
     def name(self) -> str:
-        """The method, and whether it is projected."""
         return f"{self.method.name}, reduced{' and projected' if self.project else ''}"
 
     def require(self, system: Any) -> None:

@@ -57,7 +57,6 @@ class LieRATTLE(Remembering):
 
     @property
     def name(self) -> str:
-        """RATTLE on a group and the retraction."""
         return f"Lie-RATTLE ({type(self.retraction).__name__})"
 
     def require(self, system: Any) -> None:

@@ -54,7 +54,6 @@ class LobattoPair(OnConstraints):
 
     @property
     def name(self) -> str:
-        """Lobatto pair and the order."""
         return f"Lobatto IIIA-IIIB {self.order}"
 
     def step(self, system: Any, t: float, state: CanonicalState, h: float) -> CanonicalState:

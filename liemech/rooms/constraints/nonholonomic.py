@@ -36,7 +36,6 @@ class LagrangeDAlembert(LieRATTLE):
 
     @property
     def name(self) -> str:
-        """The name of the method, with the class of its retraction."""
         return f"Lagrange-d'Alembert ({type(self.retraction).__name__})"
 
     def require(self, system: Any) -> None:

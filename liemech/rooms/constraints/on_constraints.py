@@ -182,8 +182,7 @@ class Ahead:
 
     def _rows(self, s: float) -> np.ndarray:
         G = np.array(self.system.constraint_jacobian(self.at(s)))
-        rows: np.ndarray = G / self.lengths[:, None]
-        return rows
+        return G / self.lengths[:, None]
 
     def _products(self, s: float) -> np.ndarray:
         position = self.at(s)
@@ -196,8 +195,7 @@ class Ahead:
 
 def lengths(vectors: np.ndarray) -> np.ndarray:
     """The Euclidean length of each vector, (bodies,)."""
-    norms: np.ndarray = np.linalg.norm(vectors, axis=-1)
-    return norms
+    return np.linalg.norm(vectors, axis=-1)
 
 
 def shown(q: Vec) -> tuple[float, ...]:

@@ -182,5 +182,4 @@ class ConstrainedEuler(Projected):
 
     @property
     def name(self) -> str:
-        """The method, and what it begins with if that is a drift."""
         return f"Constrained Euler{', drift first' if self.first == 'drift' else ''}"

@@ -37,8 +37,7 @@ def slope_of(numbers: Callable[[float], np.ndarray], step: float) -> np.ndarray:
                 break
         step *= 0.125
     best = np.argmin(changes, axis=0) + (np.min(changes, axis=0) > 0.0)
-    found: np.ndarray = np.take_along_axis(np.array(slopes), best[None], axis=0)[0]
-    return found
+    return np.take_along_axis(np.array(slopes), best[None], axis=0)[0]
 
 
 def part_of(size: float) -> float:

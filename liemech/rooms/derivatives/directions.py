@@ -121,7 +121,6 @@ class WithStep(Wrapping):
     t0: float
 
     def start(self, system: Any, state: Any, h: float) -> Any:
-        """The first memory of the method."""
         return self.method.start(system, state, self.h)
 
     def step(self, system: Any, t: float, memory: Any, h: float) -> Any:

@@ -148,10 +148,7 @@ def _without_neighbours(terms: Any) -> Any:
 
 @record
 class WholeStep(SiteMotion):
-    """A step of a method in one piece, of the system or, `drifts`, of the body without its field.
-
-    Source: Griewank and Walther, Evaluating Derivatives, 2nd ed., section 3.2.
-    """
+    """A step of a method in one piece, of the system or, `drifts`, of the body without its field."""
 
     method: Any
     drifts: bool = False
@@ -302,7 +299,6 @@ class BondTurn(Symplectic):
     joins = True
 
     def moved(self, system: Any, part: StepPart, state: Any) -> Any:
-        """The state after the exact motion of the bonds of this colour, or of the term."""
         return turned_by(self.method, system.group, int(part.begin), part.t, part.h, state)
 
     def inverse(self, part: StepPart) -> StepPart:

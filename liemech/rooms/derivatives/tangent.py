@@ -188,8 +188,7 @@ def of_bodies(method: Any, runs: list[TangentTrajectory]) -> TangentTrajectory:
         name: tuple(zip(*[getattr(run, name) for run in runs], strict=True)) for name in ("events", "time_tangents")
     }
     ended: Any = [run.ended for run in runs]
-    together: TangentTrajectory = of_some(runs, system=system, method=method, ended=ends(ended), **own)
-    return together
+    return of_some(runs, system=system, method=method, ended=ends(ended), **own)
 
 
 def multiplied(run: TangentTrajectory, name: str, given: Any) -> TangentTrajectory:

@@ -169,6 +169,5 @@ class FictiveCarry:
 def origin_of(origin: Any, i: int) -> Origin:
     """The origin of body i, of a tuple of origins or of the one of an ensemble."""
     if isinstance(origin, tuple):
-        single: Origin = origin[i]
-        return single
+        return origin[i]
     return Origin(origin.given, origin.method, member(origin.start, i))

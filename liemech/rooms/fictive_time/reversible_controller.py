@@ -74,12 +74,10 @@ class ReversibleController(Method):
 
     @property
     def order(self) -> int:
-        """The order of its method."""
         return self.method.order  # type: ignore[attr-defined]
 
     @property
     def name(self) -> str:
-        """The method and its sigma."""
         return f"{self.method.name}, steps by {self.sigma!r}"
 
     def require(self, system: Any) -> None:
@@ -95,7 +93,6 @@ class ReversibleController(Method):
             )
 
     def step_warning(self, system: Any, start: Any, h: float) -> str | None:
-        """The warning of the method of the first step."""
         return self.method.step_warning(system.system, system.without(start), h / start.z)
 
     def start(self, system: Any, state: Any, h: float) -> Controlled:

@@ -80,8 +80,7 @@ class OfClocked(EqualRun):
     @property
     def alone(self) -> Origin:
         """The origin of a run of one body."""
-        origin: Origin = self.origin[0] if isinstance(self.origin, tuple) else self.origin
-        return origin
+        return self.origin[0] if isinstance(self.origin, tuple) else self.origin
 
     def ends_of_steps(self) -> tuple[np.ndarray, np.ndarray]:
         """Times and numbers of the samples of one body, between which `Trajectory.at` finds its motion."""

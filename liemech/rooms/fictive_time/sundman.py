@@ -103,14 +103,12 @@ class SundmanTransformed(InFictiveTime):
         super().__post_init__()
 
     def bound(self, start: Any) -> SundmanTransformed:
-        """This system with the sigma that belongs to a start."""
         return dataclasses.replace(self, sigma=self.sigma.bound(self.system, start))
 
     # ---------------------------------------------------------------- how it moves
 
     @property
     def side(self) -> str:  # type: ignore[override]
-        """The side of the system."""
         return self.system.side
 
     @property
@@ -158,11 +156,9 @@ class SundmanTransformed(InFictiveTime):
     def state(self, *parts: Any, **named: Any) -> State:
         """A start for `integrate`: a state of the system itself."""
         system: Any = self.system
-        start: State = system.state(*parts, **named)
-        return start
+        return system.state(*parts, **named)
 
     def clock(self, state: ClockedState) -> Any:
-        """The physical time of a state."""
         return state.time  # type: ignore[attr-defined]
 
     def extended(self, start: State, t0: float) -> Any:

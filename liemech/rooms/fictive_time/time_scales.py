@@ -131,7 +131,6 @@ class OfState(TimeScale):
         return self.names
 
     def value(self, system: Any, state: Any) -> float:
-        """The function of these parts."""
         return self.function(*[getattr(state, name) for name in self.names])
 
     def bound(self, system: System, start: State) -> TimeScale:

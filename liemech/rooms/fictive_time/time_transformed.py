@@ -50,14 +50,9 @@ class ExtendedSystem(InFictiveTime, HamiltonianSystem):
         return x[: self.degrees - 1]
 
     def clock(self, state: Any) -> Any:
-        """The physical time of a state."""
         return state.q[self.degrees - 1]
 
     # ---------------------------------------------------------------- starts and samples
-
-    def bound(self, start: CanonicalState) -> ExtendedSystem:
-        """The system for the motion from a start."""
-        return self
 
     def extended(self, start: CanonicalState, t0: float) -> CanonicalState:
         """A start of the system, or an ensemble of them, with its time and energy."""
@@ -109,7 +104,6 @@ class TimeTransformed(ExtendedSystem):
         super().__post_init__()
 
     def bound(self, start: CanonicalState) -> TimeTransformed:
-        """This system with the sigma that belongs to a start."""
         return dataclasses.replace(self, sigma=self.sigma.bound(self.system, start))
 
     def scale(self, q: Vec, p: Vec) -> float:

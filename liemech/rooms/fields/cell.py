@@ -79,7 +79,6 @@ class Cell(CellTerm):
     """The energy of a cell of a field, l Phi(tau^-1(g_a^-1 g_b)/l).
 
     on : the group.  stored_energy : Phi, a Lagrangian of the strain.  length : l.  retraction : tau.
-    Source: Demoures, Gay-Balmaz, Kobilarov and Ratiu, Commun. Nonlinear Sci. Numer. Simul. 19 (2014), 3492.
     """
 
     on: LieGroup

@@ -179,7 +179,6 @@ class PartOfPotential(Potential):
         return self.part * self.potential.energy(g)
 
     def force(self, group: LieGroup, g: Element) -> Vec:
-        """The force of V on the part."""
         return self.part * self.potential.force(group, g)
 
 
@@ -198,5 +197,4 @@ class PartOfForce(Force):
         return self.part * self.force.covector(t, xi, g)
 
     def resistance(self, t: float, xi: Vec, g: Any, along: Vec) -> Vec:
-        """The damping of F on the part."""
         return self.part * self.force.resistance(t, xi, g, along)

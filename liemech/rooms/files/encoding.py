@@ -313,8 +313,7 @@ class Decoder:
             if at < 0 or count < 0 or at + count > pool.size or total > pool.size:
                 self._refuse(key)
             self.taken[key], self.totals[name] = pool[at : at + count], total
-        numbers: np.ndarray = self.taken[key]
-        return numbers
+        return self.taken[key]
 
     def _array(self, content: Any, others: dict[str, Any]) -> Any:
         type_code, shape = others.get("dtype"), self._list(others.get("shape"))

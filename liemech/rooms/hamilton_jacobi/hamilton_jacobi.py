@@ -302,11 +302,9 @@ class SymmetricHamiltonJacobi(Method):
 
     @property
     def name(self) -> str:
-        """The method, its order and its kind."""
         return "Symmetric " + HamiltonJacobi(self.order, kind=self.kind).name
 
     def require(self, system: Any) -> None:
-        """The needs of the halves."""
         self.halves[0].require(system)
 
     def step(self, system: Any, t: float, state: CanonicalState, h: float) -> CanonicalState:

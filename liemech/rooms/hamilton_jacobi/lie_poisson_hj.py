@@ -69,7 +69,6 @@ class LiePoissonHamiltonJacobi(Implicit):
 
     @property
     def name(self) -> str:
-        """The method, its order and the retraction."""
         return f"Hamilton-Jacobi {self.order} ({type(self.retraction).__name__})"
 
     def require(self, system: Any) -> None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-import numpy as np
-
 from ...errors import require, undefined
 from ...formulas import Vec, record
 from ...groups.lie_group import LieGroup
@@ -46,7 +44,6 @@ class Dissipative(System):
 
     @property
     def group(self) -> LieGroup:
-        """The group of the system."""
         return self.system.group
 
     @property
@@ -72,9 +69,4 @@ class Dissipative(System):
 
     def state(self, mu: Any = None, *, xi: Any = None) -> BodyState:
         """A start for `integrate`.  mu, xi : as `LiePoissonSystem.state` has them.  Raises InvalidInput."""
-        start: BodyState = self._vouched(self.system._written_out(self.system.state(mu, xi=xi)))
-        return start
-
-    def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """No constants: damping keeps none that is known."""
-        return {}
+        return self._vouched(self.system._written_out(self.system.state(mu, xi=xi)))

@@ -45,7 +45,6 @@ class DissipativeSplitting(Remembering):
 
     @property
     def name(self) -> str:
-        """The method for the motion, and that it is damped."""
         return f"{self.method.name}, damped"
 
     def require(self, system: Any) -> None:
@@ -58,7 +57,6 @@ class DissipativeSplitting(Remembering):
         self.method.require(system.system)
 
     def step_warning(self, system: Any, start: BodyState, h: float) -> str | None:
-        """The warning of the method."""
         return self.method.step_warning(system.system, start, h)
 
     def start(self, system: Any, state: BodyState, h: float) -> Memory:
@@ -68,7 +66,6 @@ class DissipativeSplitting(Remembering):
         return super().start(system, state, h)
 
     def beginning(self, system: Any, state: BodyState, h: float) -> Any:
-        """The past of the method."""
         return self.method.past(self.method.start(system.system, state, h))
 
     def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:

@@ -59,7 +59,6 @@ class DoubleBracket(LiePoissonMotion):
 
     @property
     def group(self) -> LieGroup:
-        """The group of the system."""
         return self.system.group
 
     @property
@@ -98,8 +97,7 @@ class DoubleBracket(LiePoissonMotion):
         mu, xi : (dim,), or (bodies, dim) for an ensemble;  g : an element, or one for each body.
         Raises InvalidInput as that does.
         """
-        start: BodyState = self._vouched(self.system.state(mu, g, xi=xi))
-        return start
+        return self._vouched(self.system.state(mu, g, xi=xi))
 
 
 def require_metric(name: str, metric: Any, dim: int) -> None:

@@ -80,8 +80,7 @@ class NoisyEnergy(AlongStep, Hamiltonian):
 
     def energy(self, mu: Vec) -> float:
         """share H(mu) + sum_i weights_i H_i(mu).  mu : (dim,)."""
-        total: float = self.weighted(self.drift.energy(mu), lambda field: field.energy(mu))
-        return total
+        return self.weighted(self.drift.energy(mu), lambda field: field.energy(mu))
 
     def gradient(self, mu: Vec) -> Vec:
         """The velocity.  mu : (dim,)."""
@@ -96,7 +95,6 @@ class NoisyMotion(AlongStep, LiePoissonMotion):
 
     @property
     def group(self) -> Any:
-        """The group of the motion."""
         return self.drift.group
 
     @property
@@ -251,8 +249,7 @@ class Stochastic(LiePoissonMotion):
             paths: Any = float(numbers)
         else:
             paths = frozen_array(np.broadcast_to(numbers.astype(float), (bodies,)), "array")
-        start: NoisyState = self._vouched(NoisyState(body.mu, body.g, paths))
-        return start
+        return self._vouched(NoisyState(body.mu, body.g, paths))
 
 
 def require_whole(name: str, numbers: np.ndarray) -> None:
@@ -311,5 +308,4 @@ def thermal_bath(system: LiePoissonSystem, damping: float, temperature: float, s
 def one_of(system: Any) -> LieGroup:
     """The group of one of many sites; of a single body that of the system."""
     group: Any = system.group
-    site_group: LieGroup = group if system.site_form is None else group.base
-    return site_group
+    return group if system.site_form is None else group.base

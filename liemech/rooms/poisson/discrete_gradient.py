@@ -78,8 +78,7 @@ class DiscreteGradient(Method):
     def mean(self, system: Metriplectic, mu: Vec, d: Vec) -> Vec:
         """The mean of dH between mu and mu + d.  mu, d : (dim,)."""
         places, weights = self.quadrature
-        total: Vec = combination(weights, [system.gradient(mu + c * d) for c in places])
-        return total
+        return combination(weights, [system.gradient(mu + c * d) for c in places])
 
     @functools.cached_property
     def quadrature(self) -> tuple[Row, Row]:

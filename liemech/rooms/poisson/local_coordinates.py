@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import InvalidInput, InvalidType, NotDefined, require, undefined
-from ...formulas import Mat, Record, Vec, derivative, dot, gradient, mat, record, solve, transpose, vec
+from ...formulas import Mat, Record, Vec, derivative, dot, mat, record, solve, transpose, vec
 from ...formulas.derivatives import axes
 from ...formulas.vectors import Vec as SmallVec
 from ...groups.poisson_structure import PoissonStructure
@@ -55,7 +55,6 @@ class InducedStructure(PoissonStructure):
 
     @property
     def dim(self) -> int:
-        """The dimension of the chart."""
         return self.chart.dim
 
     @property
@@ -95,10 +94,6 @@ class InducedEnergy(Hamiltonian):
         x = self.chart.embedding(mu)
         n = len(x) // 2
         return self.system.energy(x[:n], x[n : 2 * n])
-
-    def gradient(self, mu: Vec) -> Vec:
-        """The derivative dK of the energy, (dim,).  mu : (dim,)."""
-        return gradient(lambda y: self.energy(y), mu)
 
 
 def in_coordinates(system: Any, chart: LocalChart) -> PoissonSystem:

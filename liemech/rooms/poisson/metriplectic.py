@@ -125,8 +125,7 @@ class Metriplectic(System):
     @property
     def dim(self) -> int:
         """The number of components of the state."""
-        dim: int = self.structure.dim
-        return dim
+        return self.structure.dim
 
     @property
     def structure(self) -> PoissonStructure:

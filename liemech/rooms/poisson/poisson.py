@@ -67,7 +67,6 @@ class PoissonSystem(OfParts, VectorField):
 
     @property
     def dim(self) -> int:
-        """n, that of the structure."""
         return self.structure.dim
 
     def energy(self, y: Vec) -> float:
@@ -153,7 +152,6 @@ class DrivenPoissonSystem(MotionOfPoints):
 
     @property
     def dim(self) -> int:
-        """n, that of the structure."""
         return self.structure.dim
 
     @final

@@ -85,7 +85,6 @@ class PoissonHamiltonJacobi(Implicit):
 
     @property
     def name(self) -> str:
-        """The method and its order."""
         return f"Poisson Hamilton-Jacobi {self.order}"
 
     def require(self, system: Any) -> None:

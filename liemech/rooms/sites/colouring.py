@@ -220,8 +220,7 @@ def _of_lattice(lattice: Lattice) -> np.ndarray:
     """The sum of colours along the axes, modulo as many as the axis needs that needs most."""
     rows = [_around(n, p) for n, p in zip(lattice.shape, lattice.periodic)]
     total = sum(np.ix_(*rows), np.zeros((1,) * len(rows), dtype=np.int64))
-    colours: np.ndarray = (total % (1 + max(int(row.max()) for row in rows))).ravel()
-    return colours
+    return (total % (1 + max(int(row.max()) for row in rows))).ravel()
 
 
 def _one_by_one(edges: np.ndarray, sites: int, least: int) -> Colouring:

@@ -57,7 +57,6 @@ class EnergyOfTerms(EnergyOnCotangent):
 
     @property
     def is_large(self) -> bool:
-        """Whether there are more sites than formulas would be written out for."""
         return bool(self.terms.is_large)
 
     def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:

@@ -48,7 +48,6 @@ class EnergyOfSpecies(OfSpecies, Lagrangian):
 
     @property
     def of_species(self) -> tuple[Any, ...]:
-        """The energies of a body of each species."""
         return self.energies
 
     def chosen(self, formula: Callable[[int, Any], Any]) -> Any:

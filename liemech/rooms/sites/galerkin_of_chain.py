@@ -82,7 +82,6 @@ class GalerkinOfChain(StepsTogether):
 
     @property
     def room(self) -> int:
-        """Rows of numbers that a step works with."""
         return self.work.width + self.order.rows(self.work.parts[0].width, int(self.sites))
 
     def start(self, system: Any, state: Any, h: float) -> Memory:

@@ -188,7 +188,6 @@ class Lattice(Graph):
 
     @property
     def sites(self) -> int:
-        """The product of the numbers along the axes."""
         return int(np.prod(self.shape))
 
     @property
@@ -334,7 +333,6 @@ class Edges(Graph):
 
     @property
     def sites(self) -> int:
-        """The number of sites of the graph."""
         return self.count
 
     @property
@@ -344,7 +342,6 @@ class Edges(Graph):
 
     @property
     def arity(self) -> int:
-        """The number of sites of an edge."""
         return int(self.given.shape[1])
 
     def __repr__(self) -> str:
@@ -411,7 +408,6 @@ class Between(Graph):
 
     @property
     def arity(self) -> int:
-        """The number of sites of an edge."""
         return int(self.given.shape[1])
 
     def on(self, sites: int) -> Graph:

@@ -150,7 +150,6 @@ class Sublattices(MotionsOfTerms):
 
     @property
     def lonely(self) -> tuple[BoundTerm, ...]:
-        """The terms of one site that are not affine."""
         return tuple([part for part in self.terms.parts if not part.kind.affine])
 
     @property
@@ -160,7 +159,6 @@ class Sublattices(MotionsOfTerms):
 
     @property
     def count(self) -> int:
-        """Colours, and terms of single sites."""
         return self.terms.affine.count + len(self.lonely)
 
     @property
@@ -258,7 +256,6 @@ class Bonds(MotionsOfTerms):
 
     @property
     def count(self) -> int:
-        """Colours, and terms of single sites."""
         return sum(self.terms.pairs.counts) + len(self.lonely)
 
     @property

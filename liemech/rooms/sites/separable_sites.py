@@ -58,8 +58,6 @@ class SeparableSites(SeparableSystem):
 
     A subclass says its `sites`, and gives the same system as `masses_in_space`, in the words of sums
     over graphs; T is the kinetic energy of masses.
-
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VI.1.2.
     """
 
     quadratic: ClassVar[bool] = True

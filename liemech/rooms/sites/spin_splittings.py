@@ -56,7 +56,6 @@ class TermSplitting(Remembering):
 
     @property
     def name(self) -> str:
-        """The name of the tableau, with the parts of the energy."""
         return f"{self.tableau.name} splitting ({self._motions.__name__.lower()})"
 
     def __repr__(self) -> str:
@@ -101,7 +100,6 @@ class TermSplitting(Remembering):
         return tuple(turns)
 
     def at_node(self, system: Any, state: BodyState, h: float) -> Any:
-        """The state, with no motion left to make."""
         return state, 0.0
 
     def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:

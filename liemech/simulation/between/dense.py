@@ -95,8 +95,7 @@ def within_run(times: np.ndarray, t: np.ndarray) -> np.ndarray:
     inside = (times >= low - margin) & (times <= high + margin)
     if not inside.all():
         raise InvalidInput(f"t = {times[~inside][0]:g} is outside the run, which goes from {t[0]:g} to {t[-1]:g}")
-    clipped: np.ndarray = np.clip(times, low, high)
-    return clipped
+    return np.clip(times, low, high)
 
 
 class MotionBetween:
@@ -199,8 +198,7 @@ class MotionBetween:
 def part_of_way(curve: np.ndarray, part: float, terms: int) -> np.ndarray:
     """The coefficients of the first part of a way of so many terms, Omega(part theta)."""
     powers = part ** (1.0 + np.arange(terms))
-    part_curve: np.ndarray = (curve.reshape(terms, -1) * powers[:, None]).reshape(curve.shape)
-    return part_curve
+    return (curve.reshape(terms, -1) * powers[:, None]).reshape(curve.shape)
 
 
 @frozen(eq=False)

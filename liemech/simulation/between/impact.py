@@ -42,7 +42,6 @@ class Impact(Jump):
     then: Rebound
 
     def jump_of(self, system: Any) -> Impact:
-        """The impact of a body of this system."""
         return Impact(self.when, replace(self.then, system=system))
 
 

@@ -74,8 +74,7 @@ class Execution:
         every driver of steps.
         """
         call = *self.call[:2], system, *self.call[3:]
-        other: Execution = like(self, call=call, given=call[1:], guard=(None, None))
-        return other
+        return like(self, call=call, given=call[1:], guard=(None, None))
 
     def of_a_run(self) -> Any:
         """A copy for one run, whose native code is that of the formulas as they are now."""

@@ -59,18 +59,16 @@ class Lanes:
     def of_system(self, system: Any) -> Lanes:
         """A copy of these lanes for another system of the same layout."""
         method, _, *others = self.arguments
-        lanes: Lanes = like(
+        return like(
             self,
             arguments=(method, system, *others),
             constants=numbers_of(method, system, others[0]),
             stepping=self.stepping.of_system(system),
         )
-        return lanes
 
     def of_a_run(self) -> Lanes:
         """A copy of these lanes for one run, with an Execution of its own."""
-        lanes: Lanes = like(self, stepping=self.stepping.of_a_run())
-        return lanes
+        return like(self, stepping=self.stepping.of_a_run())
 
     def of_body(self, i: int) -> Any:
         """The arguments of a driver for one body."""

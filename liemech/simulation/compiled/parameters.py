@@ -123,8 +123,7 @@ class Input:
                 raise InvalidInput(
                     f"{self.caller}: {self.name} is a {self.layout!r:.200}; got {value!r}, which is laid out otherwise"
                 )
-            gathered: list[float] = self.gather(value)
-            return gathered
+            return self.gather(value)
         try:
             array = value if type(value) is np.ndarray else np.array(value, dtype=float)
             numbers: list[float] = array.ravel().tolist()

@@ -58,8 +58,7 @@ class Steps:
         """These steps for another system of the same layout; layouts and native code are shared."""
         shapes = {key: shape.of_system(system) for key, shape in [*self.shapes.items()]}
         fields = {"system": system, "shapes": shapes}
-        other: Steps = like(self, of_origins=WeakKeyDictionary(), of_layouts={}, **fields)
-        return other
+        return like(self, of_origins=WeakKeyDictionary(), of_layouts={}, **fields)
 
     @property
     def one(self) -> System:
@@ -93,8 +92,7 @@ class Steps:
 
     def h_of(self, body: int) -> float:
         """The step of this body, in s: the only one, or its own."""
-        h: float = self.h[body] if isinstance(self.h, tuple) else self.h
-        return h
+        return self.h[body] if isinstance(self.h, tuple) else self.h
 
     def owns(self, shape: RunShape | None) -> bool:
         """Whether this plan has prepared this shape."""

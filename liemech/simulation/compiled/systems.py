@@ -103,8 +103,7 @@ class Systems(OfBodies):
 
 def systems_of(given: Any) -> Systems | None:
     """The systems of a list, or of one with a parameter for each member; None for one system."""
-    systems: Systems | None = Systems.from_list(_of_members(given), System, "RigidBody(...)")
-    return systems
+    return Systems.from_list(_of_members(given), System, "RigidBody(...)")
 
 
 def _of_members(system: Any) -> Any:
@@ -129,8 +128,7 @@ _alike = Remembered()
 
 def methods_of(given: Any) -> Methods | None:
     """The methods of a list, one for each body; None for one method."""
-    methods: Methods | None = Methods.from_list(given, Method, "ReversibleController(...)")
-    return methods
+    return Methods.from_list(given, Method, "ReversibleController(...)")
 
 
 def of_body(thing: Any, body: int) -> Any:

@@ -601,8 +601,7 @@ def at_steps(times: Any, t0: Any, h: Any) -> np.ndarray:
     """Times, those of ends of steps, but for rounding, exactly."""
     ends = t0 + np.rint((times - t0) / h) * h
     near = NEAR * np.maximum(np.abs(times), np.abs(t0))
-    snapped: np.ndarray = np.where(np.abs(times - ends) <= near, ends, times)
-    return snapped
+    return np.where(np.abs(times - ends) <= near, ends, times)
 
 
 def steps_before(times: np.ndarray, t0: float, h: float) -> tuple[np.ndarray, np.ndarray]:

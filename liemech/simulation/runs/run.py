@@ -193,8 +193,7 @@ class Run(Course, Moving):
         clocks, goals = self.clocks, self.goals
         onward = clocks[TIME, some] != goals[LAST_TIME, some]
         onward &= clocks[TAKEN, some] < goals[LIMIT, some]
-        left: np.ndarray = onward & (clocks[MARK, some] != STUCK) & ~self.over[some]
-        return left
+        return onward & (clocks[MARK, some] != STUCK) & ~self.over[some]
 
     @property
     def open(self) -> np.ndarray:
@@ -257,7 +256,7 @@ class Run(Course, Moving):
 
     def piece(self) -> int | None:
         """Make some trials of as many bodies as run side by side; others wait until these are at their ends."""
-        stepping, checkpoint, workers = self.lanes.stepping, self.checkpoint, self._workers
+        stepping, checkpoint, workers = self.lanes.stepping, self.checkpoint, self.plan.options.workers
         if self.queue is None:
             self.queue = np.flatnonzero(self.open)
             if self.quantities:
@@ -300,10 +299,6 @@ class Run(Course, Moving):
             self.least, self.work = max(1, self.least // 2), self.work // 4
         if not self.native and used < 0.5 * LOOK:
             self.span = min(2 * self.span, LONGEST)
-
-    @property
-    def _workers(self) -> int:
-        return int(self.plan.options.workers)
 
     @property
     def _clock(self) -> int:
@@ -483,12 +478,8 @@ class Run(Course, Moving):
         run = of_body(self, i)
         error.trajectory = run if goes_on else dataclasses.replace(run, carry=None)
         if isinstance(error, IntegrationFailure):
-            self.view.mark(error, *self.here_of(i))
+            self.view.mark(error, self.here.item(0, i), self.here[1:, i])
         return error
-
-    def here_of(self, i: int) -> tuple[float, np.ndarray]:
-        """Time and numbers of the state at which body i stands."""
-        return self.here.item(0, i), self.here[1:, i]
 
     def settle(self, error: Any) -> bool:
         goes_on = self.adaptive or isinstance(error, KeyboardInterrupt)
@@ -524,8 +515,7 @@ class Run(Course, Moving):
 
     def flush(self) -> tuple[np.ndarray, np.ndarray]:
         """Times and numbers of samples that were not handed on yet."""
-        samples: tuple[np.ndarray, np.ndarray] = self.observers[0].flush()
-        return samples
+        return self.observers[0].flush()
 
     def samples(self, i: int) -> tuple[np.ndarray, np.ndarray]:
         """The samples of a body: times, and numbers of states, and fictive times behind them."""

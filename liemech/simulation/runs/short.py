@@ -141,8 +141,7 @@ class FixedPlaces(ShortPlaces):
         `words`.
         """
         (goal, _), (states, _), (clock, _), (rows, _) = buffers
-        block: bytes = self.call(1, 0, 1, turns, every, goal, states, clock, rows, self.constants)
-        return block
+        return self.call(1, 0, 1, turns, every, goal, states, clock, rows, self.constants)
 
     words = 8 * 9
 
@@ -151,8 +150,7 @@ def place_of(steps: Steps, shape: RunShape) -> FixedPlaces:
     """The places of the runs of a shape, made once."""
     if shape.place is None:
         shape.place = FixedPlaces(steps, shape)
-    place: FixedPlaces = shape.place
-    return place
+    return shape.place
 
 
 def short_steps(way: Steps, shape: RunShape, start: Any, steps: int, t0: float) -> Trajectory | None:
@@ -179,8 +177,7 @@ def short_steps(way: Steps, shape: RunShape, start: Any, steps: int, t0: float) 
     if memory.item(place.taken) != reached:
         return None
     promises = _FixedRun(place, memory, way, t0, step, reached)
-    run: Trajectory = of_short(promises, way, way.h, None, steps, {"breaks": way.breaks, "dense": None})
-    return run
+    return of_short(promises, way, way.h, None, steps, {"breaks": way.breaks, "dense": None})
 
 
 def advanced(way: Steps, carry: Carry, steps: int) -> Carry | None:
@@ -229,10 +226,8 @@ class _FixedRun:
     def rows(self) -> np.ndarray:
         """Numbers of the samples, (n, width), of an ensemble (n, bodies, width): a view."""
         if self.bodies is None:
-            samples: np.ndarray = self.memory[self.place.kept :].reshape(-1, self.place.sampled)
-            return samples
-        view: np.ndarray = self.out[:, :, : self.bodies].swapaxes(1, 2)
-        return view
+            return self.memory[self.place.kept :].reshape(-1, self.place.sampled)
+        return self.out[:, :, : self.bodies].swapaxes(1, 2)
 
     def states(self) -> dict[str, np.ndarray]:
         """The samples; as they may be written to, the last one is kept for the carry."""
@@ -283,8 +278,7 @@ def short_steps_of_many(way: Steps, shape: RunShape, start: State, steps: int, t
     if (table[place.taken, :whole] != steps).any():
         return None
     promises = _FixedRun(place, table, way, t0, 0, steps, count, out)
-    run: Trajectory = of_short(promises, way, way.h, count, steps, {"breaks": way.breaks, "dense": None})
-    return run
+    return of_short(promises, way, way.h, count, steps, {"breaks": way.breaks, "dense": None})
 
 
 def _column(*numbers: float) -> np.ndarray:
@@ -429,8 +423,7 @@ def short(
         return None
     t, _, _, steps, rejected, _, _ = promises.clock
     h = (t - t0) / max(1.0, steps)
-    run: Trajectory = of_short(promises, way, h, None, int(steps), {"rejected": int(rejected)})
-    return run
+    return of_short(promises, way, h, None, int(steps), {"rejected": int(rejected)})
 
 
 def between(times: np.ndarray, t0: float, t_end: float) -> bool:

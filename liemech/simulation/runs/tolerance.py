@@ -77,8 +77,7 @@ class AdaptiveSteps:
                 shapes[key] = prepared.of_system(system)
             else:
                 shapes[key] = prepared.of_lanes(shapes[*key[:2], False])
-        other: AdaptiveSteps = like(self, system=system, shapes=shapes)
-        return other
+        return like(self, system=system, shapes=shapes)
 
     def first(self, t0: float, t_end: float) -> float:
         """The first step, signed; zero if it is to be found."""
@@ -194,8 +193,7 @@ class ToleranceRun(Run):
         key = layout_of(example), curves, bool(self.bodies)
         lanes = steps.shapes.get(key)
         if lanes is not None:
-            lanes_of_run: Lanes = lanes.of_a_run()
-            return lanes_of_run
+            return lanes.of_a_run()
         system, method = self.system_and_method(0)
         xi: Any = Vec(*[0.0] * system.group.dim)
         for i in range(self.count):

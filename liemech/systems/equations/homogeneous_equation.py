@@ -66,7 +66,6 @@ class HomogeneousEquation(System):
 
     @final
     def moving(self, state: Point, xi: Vec) -> Point:
-        """The velocity of the point."""
         return Point(self.action.infinitesimal(xi, state.x))
 
     @final

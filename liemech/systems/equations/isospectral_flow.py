@@ -56,7 +56,6 @@ class IsospectralFlow(LiePoissonMotion):
 
     @property
     def is_large(self) -> bool:
-        """Whether the matrices are in memory."""
         return self.group.is_large
 
     def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
@@ -88,8 +87,7 @@ class IsospectralFlow(LiePoissonMotion):
                 f"{name}: matrix is not symmetric: entry {at} differs from its mirror image by {asymmetry.max():.1e}"
             )
         rows = array.reshape(*array.shape[:-2], n * n)
-        start: BodyState = self._vouched(body_state(name, self.group, rows, g))
-        return start
+        return self._vouched(body_state(name, self.group, rows, g))
 
     def matrix(self, mu: Any) -> np.ndarray:
         """The matrix L, (..., n, n).  mu : (..., n^2)."""
@@ -102,8 +100,7 @@ class IsospectralFlow(LiePoissonMotion):
 
     def energy(self, mu: Vec) -> float:
         """tr L^2/2.  mu : (n^2,)."""
-        total: float = 0.5 * mu @ mu
-        return total
+        return 0.5 * mu @ mu
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The eigenvalues, and g L g^-1 if the element is known."""

@@ -5,8 +5,6 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Any, ClassVar, final
 
-import numpy as np
-
 from ...errors import require, undefined
 from ...formulas import Vec, derivative, gradient, record, vec
 from ...formulas.classes.derived import derived
@@ -55,10 +53,6 @@ class DrivenHamiltonianSystem(PhaseSpace):
     def rate(self, t: float, state: CanonicalState) -> Vec:
         """(q', p') at time t."""
         return vec(*self.velocity(t, state.q, state.p), *self.force(t, state.q, state.p))
-
-    def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """No constants, as far as is known."""
-        return {}
 
     @final
     def state(self, q: Any, p: Any) -> CanonicalState:
@@ -126,9 +120,7 @@ class DrivenLiePoissonSystem(LiePoissonMotion):
 
     @cached_property
     def site_form(self) -> DrivenLiePoissonSystem | None:
-        """The site form of a system of many sites; None if there is none."""
-        of_site: DrivenLiePoissonSystem | None = self.at_site(DrivenLiePoissonSystem)
-        return of_site
+        return self.at_site(DrivenLiePoissonSystem)
 
     def at(self, t: float) -> LiePoissonSystem:
         """The free system whose energy is for ever what this one's is at time t.  Raises
@@ -140,8 +132,7 @@ class DrivenLiePoissonSystem(LiePoissonMotion):
         """The system with the energy of time t: `at` for formulas, unchecked."""
         energy = self.hamiltonian.at(t)
         lagrangian = energy if has_inertia(energy) else None
-        system: LiePoissonSystem = with_fields(_EMPTY, group=self.group, hamiltonian=energy, lagrangian=lagrangian)
-        return system
+        return with_fields(_EMPTY, group=self.group, hamiltonian=energy, lagrangian=lagrangian)
 
     @final
     def state(self, mu: Any, g: Any = None) -> BodyState:

@@ -31,7 +31,6 @@ class DrivenKineticEnergy(DrivenHamiltonian):
         raise undefined(self, "inertia")
 
     def energy(self, t: float, mu: Vec) -> float:
-        """K(t, mu).  mu : (dim,)."""
         return 0.5 * dot(mu, self._velocity(t, mu))
 
     def gradient(self, t: float, mu: Vec) -> Vec:
@@ -44,8 +43,7 @@ class DrivenKineticEnergy(DrivenHamiltonian):
     def at(self, t: float) -> KineticEnergy:
         """The kinetic energy with J(t)."""
         inertia = self.inertia(t)
-        energy: KineticEnergy = with_fields(_EMPTY, inertia=inertia, inverse=self._inverse(inertia))
-        return energy
+        return with_fields(_EMPTY, inertia=inertia, inverse=self._inverse(inertia))
 
     def _inverse(self, inertia: Vec | Mat) -> Vec | Mat:
         return inverse(inertia) if isinstance(inertia, vectors.Mat) else 1.0 / inertia

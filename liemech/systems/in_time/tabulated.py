@@ -320,8 +320,7 @@ class PiecewisePolynomial(Record):
             length = knots[-1] - knots[0]
             first, last = (int((x - knots[0]) // length) for x in (low, high))
             times = (np.arange(first, last + 1)[:, None] * length + times).ravel()
-        inside: list[float] = times[(times >= low) & (times <= high)].tolist()
-        return inside
+        return times[(times >= low) & (times <= high)].tolist()
 
     def jump_ahead(self, t: Any, end: Any, every: bool) -> Any:
         """The first time after t on the way to `end` at which the value jumps, or, of every knot,

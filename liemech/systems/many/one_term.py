@@ -21,5 +21,4 @@ class OneTerm(Potential):
 
     def force(self, group: LieGroup, g: Element) -> Vec:
         """The force of term k alone.  g : an element."""
-        force: Vec = self.terms.force_of(group, g, self.k)
-        return force
+        return self.terms.force_of(group, g, self.k)

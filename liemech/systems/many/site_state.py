@@ -32,7 +32,6 @@ class StateOfSites(State):
 
     @property
     def bodies(self) -> int | None:
-        """The number of members of an ensemble; None for a single system."""
         first = self._leading
         return len(first) if first.ndim == 3 else None
 

@@ -88,7 +88,6 @@ class Body(Content):
         return np.concatenate([grid - 1.0, grid + 1.0])
 
     def legend(self, motion: Motion) -> list[dict[str, Any]]:
-        """The axes of the bodies of an ensemble."""
         return [] if motion.bodies is None else axes_legend()
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:

@@ -67,7 +67,6 @@ class Momentum(Content):
             raise InvalidInput(f"Momentum: levels must be 0 or more; got {self.levels}")
 
     def needs(self, system: System) -> tuple[str, ...]:
-        """The parts of the state drawn, the body momentum."""
         return _turning(self, system)
 
     def reach(self, motion: Motion) -> Array:
@@ -120,7 +119,6 @@ class SpatialMomentum(Content):
     """
 
     def needs(self, system: System) -> tuple[str, ...]:
-        """The parts of the state drawn, body momentum and attitude."""
         return *_turning(self, system), "g"
 
     def own(self, system: System) -> bool:

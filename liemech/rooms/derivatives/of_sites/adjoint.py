@@ -317,8 +317,7 @@ class BackwardRun:
             joined = np.flatnonzero(rows[1:, 0, 3] == 0.0)
             rows[joined + 1, 0, 2] += rows[joined, -1, 2]
             stay[joined, -1] = False
-        parts: np.ndarray = rows[stay]
-        return parts
+        return rows[stay]
 
     def _advance(self, rows: np.ndarray, first: int, end: int) -> np.ndarray:
         """The state before a block, of the one before another."""

@@ -67,7 +67,6 @@ class Among(Graph):
 
     @property
     def arity(self) -> int:
-        """The number of sites of an edge."""
         return self.graph.arity
 
     @cached_property

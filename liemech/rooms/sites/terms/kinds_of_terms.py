@@ -155,11 +155,11 @@ def _numbers(
                 columns += [*x.values.reshape(len(x), -1)[ends[:, k]].T[:, None]]
     for x in records_in(of_edge.term, Each):
         columns += [*x.values.reshape(len(x), -1)[numbers if numbers is not None else [0]].T[:, None]]
-    return columns if numbers is not None else [_residues(rng, 1) for _ in columns]
+    return columns if numbers is not None else [_residue(rng) for _ in columns]
 
 
-def _residues(rng: np.random.Generator, size: int) -> np.ndarray:
-    return np.array([[Residue(int.from_bytes(rng.bytes(16), "big"))] for _ in range(size)])
+def _residue(rng: np.random.Generator) -> np.ndarray:
+    return np.array([[Residue(int.from_bytes(rng.bytes(16), "big"))]])
 
 
 def _state(terms: Any, site: int, size: float, rng: np.random.Generator) -> np.ndarray:
@@ -198,7 +198,7 @@ def _holds(
 
     def anything() -> Number:
         return Number(
-            _residues(rng, 1)
+            _residue(rng)
             if exact
             else rng.normal(size=(shape[0], 1)) * 10.0 ** rng.uniform(-20.0, 20.0, (shape[0], 1)),
             ways,

@@ -88,7 +88,6 @@ class NearPointPairs(PointTerm, NearPairs):
         return repr(self.term)
 
     def points(self, g: Any) -> tuple[Any, ...]:
-        """The points of the term, and the place of the element."""
         return (*self.term.points(g), place(self.first, g))
 
     def seen(self, a: tuple[Any, ...], b: tuple[Vec, ...]) -> tuple[Vec, ...]:

@@ -1,4 +1,8 @@
-"""Sums of terms as Hamiltonians, potentials and forces on a power of a group."""
+"""Sums of terms as Hamiltonians, potentials and forces on a power of a group.
+
+Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 4.4, 7.2, 7.7 and 15.2; Marsden and
+West, Acta Numerica 10 (2001), section 3.1 (loads).
+"""
 
 from __future__ import annotations
 
@@ -86,7 +90,6 @@ class OfTerms(OfManySites):
 
     @property
     def is_large(self) -> bool:
-        """Whether there are more sites than formulas would be written out for."""
         return self.group.is_large
 
     @cached_property
@@ -127,12 +130,10 @@ class OfTerms(OfManySites):
 
     @property
     def released(self) -> Any:
-        """The energy with sites that are held free to move."""
         return with_fields(self, held=(), pinned=()) if self.held or self.pinned else self
 
     @staticmethod
     def held_together(name: str, body: Any, potential: Any, load: Any) -> tuple[Any, Any, Any]:
-        """A body, its potential and its load, with the sites held and pinned that any of them says."""
         return held_together(name, body, potential, load)
 
     def moving(self, x: Vec) -> Vec:
@@ -210,10 +211,7 @@ class OfTerms(OfManySites):
 
 @record
 class MomentumTerms(OfTerms, Hamiltonian):
-    """The Hamiltonian that `Terms` are on a power of a group: a sum of terms in momenta.
-
-    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.2.
-    """
+    """The Hamiltonian that `Terms` are on a power of a group: a sum of terms in momenta."""
 
     form: ClassVar[type[TermsOfSite]] = HamiltonianOfSite
     of_a_site: ClassVar[tuple[str, ...]] = ("mu",)
@@ -250,8 +248,6 @@ class MomentumTerms(OfTerms, Hamiltonian):
 class KineticTerms(MomentumTerms, Lagrangian):
     """The Hamiltonian of sites each of which has a Lagrangian too, such as `PerSite(KineticEnergy(
     J))`, and that Lagrangian.
-
-    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 7.2.
     """
 
     __repr__ = OfTerms.__repr__
@@ -316,10 +312,7 @@ def _row(block: Any, k: int) -> list[Any]:
 
 @record
 class PlaceTerms(OfTerms, Potential):
-    """The potential that `Terms` are on a power of a group: a sum of terms in elements.
-
-    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 7.7.
-    """
+    """The potential that `Terms` are on a power of a group: a sum of terms in elements."""
 
     form: ClassVar[type[TermsOfSite]] = PotentialOfSite
     of_a_site: ClassVar[tuple[str, ...]] = ("g",)
@@ -353,10 +346,7 @@ class PlaceTerms(OfTerms, Potential):
 
 @record
 class EnergyTerms(OfTerms):
-    """The energy that `Terms` are on T*G, G a power of a group: a sum of terms in momenta and elements.
-
-    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 4.4.
-    """
+    """The energy that `Terms` are on T*G, G a power of a group: a sum of terms in momenta and elements."""
 
     form: ClassVar[type[TermsOfSite]] = EnergyOfSite
     of_a_site: ClassVar[tuple[str, ...]] = "mu", "g"
@@ -391,10 +381,7 @@ class EnergyTerms(OfTerms):
 
 @record
 class ForceTerms(OfTerms, Force):
-    """The load that `Terms` are on a power of a group: a sum of forces on sites.
-
-    Source: Marsden and West, Acta Numerica 10 (2001), section 3.1.
-    """
+    """The load that `Terms` are on a power of a group: a sum of forces on sites."""
 
     form: ClassVar[type[TermsOfSite]] = ForceOfSite
     of_a_site: ClassVar[tuple[str, ...]] = "g", "xi"
@@ -444,8 +431,6 @@ class DrivenTerms(DrivenHamiltonian, WithHeldSites):
     """A Hamiltonian of many sites some of whose terms change with time.
 
     at_zero : it, with these terms as they are at time 0.
-
-    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.2.
     """
 
     at_zero: Hamiltonian
@@ -459,14 +444,12 @@ class DrivenTerms(DrivenHamiltonian, WithHeldSites):
         return self.at_zero.coupled
 
     def moving(self, xi: Vec) -> Vec:
-        """A velocity with zeros where sites are held or pinned."""
         return moving(self.at_zero, xi)
 
     def _free(self, t: float, mu: Vec) -> Vec:
         return self.at(t)._free(mu)
 
     def at(self, t: float) -> Any:
-        """The Hamiltonian of the terms at time t."""
         return at_time(self.at_zero, t)
 
     def energy(self, t: float, mu: Vec) -> float:

@@ -1,4 +1,8 @@
-"""The site form of sums of terms: the energies, velocities and forces of one site among others."""
+"""The site form of sums of terms: the energies, velocities and forces of one site among others.
+
+Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 4.4, 7.7 and 15.2; Marsden and West,
+Acta Numerica 10 (2001), section 3.1 (loads); Griewank and Walther, Evaluating Derivatives, 2nd ed., section 3.2 (slopes).
+"""
 
 from __future__ import annotations
 
@@ -373,10 +377,7 @@ class TermsOfSite(WithHeldSites):
 
 @record
 class HamiltonianOfSite(TermsOfSite, Hamiltonian):  # type: ignore[override]
-    """The Hamiltonian of a site among others, a function of its momentum and of theirs.
-
-    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.2.
-    """
+    """The Hamiltonian of a site among others, a function of its momentum and of theirs."""
 
     __repr__ = TermsOfSite.__repr__
 
@@ -400,10 +401,7 @@ class HamiltonianOfSite(TermsOfSite, Hamiltonian):  # type: ignore[override]
 
 @record
 class PotentialOfSite(TermsOfSite, Potential):
-    """The potential of a site among others, a function of its element and of theirs.
-
-    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 7.7.
-    """
+    """The potential of a site among others, a function of its element and of theirs."""
 
     __repr__ = TermsOfSite.__repr__
 
@@ -468,10 +466,7 @@ class PotentialOfSite(TermsOfSite, Potential):
 
 @record
 class EnergyOfSite(TermsOfSite):
-    """The energy of a site among others, a function of its momentum and its element and of theirs.
-
-    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 4.4.
-    """
+    """The energy of a site among others, a function of its momentum and its element and of theirs."""
 
     def energy(self, mu: Vec, g: Element) -> float:
         """The share of this site.  mu : (dim,), its momentum, g : its element."""
@@ -498,8 +493,6 @@ class ForceOfSite(TermsOfSite, Force):  # type: ignore[override]
     """The load on a site among others, a function of where it is and how it moves, and of theirs.
 
     backwards : `SlopesOfLoad`, of a run that is gone through backwards.
-
-    Source: Marsden and West, Acta Numerica 10 (2001), section 3.1.
     """
 
     backwards: Any = None
@@ -538,8 +531,6 @@ def _from(k: int, sites: list[Any]) -> list[Any]:
 class SlopesOfLoad(TermsOfSite):
     """The derivatives of the sum over all sites of <lambda, F> by the velocity and the element of one, for
     the load F and any lambda of each site.
-
-    Source: Griewank and Walther, Evaluating Derivatives, 2nd ed., section 3.2.
     """
 
     def slopes(self, group: LieGroup, t: float, xi: Vec, g: Any, along: Vec) -> tuple[Vec, Vec]:
