@@ -365,10 +365,10 @@ def fixed_point(sweep: Callable[[Any], tuple[Any, float | Vec, float | Vec]], gu
     if not done:  # what is rounding in one unit may be small beside all data
         change, size = end.all_change, end.all_size
     if not (size < math.inf and (done or change <= 64.0 * epsilon * size)):
-        gone = ": they left the domain of a formula, or grew without bound"
+        divergence = ": they left the domain of a formula, or grew without bound"
         raise NoConvergence(
             f"{method!r}: the stages did not converge"
-            f"{f' in {LIMIT} iterations, they still change by {change / size:.1e}' if size < math.inf else gone}. "
+            f"{f' in {LIMIT} iterations, they still change by {change / size:.1e}' if size < math.inf else divergence}. "
             f"The step h = {h:g} is too large for this motion; try {0.25 * h:g}"
         )
     return unknown

@@ -61,8 +61,9 @@ def motion_terms(structure: Any, y: Vec, p: Vec, number: int) -> list[Vec]:
     """y_1, ..., y_number of the motion y' = B(y) p from y.  y, p : (n,)."""
     products = Products()
     carries = any(isinstance(c, Pair) and not is_series(c) for c in y)  # derivatives, as the structure may, too
-    begun = [Series.unknown(x, products) if carries else vec(*[Series(c).among(products) for c in x]) for x in (y, p)]
-    at, covector = begun
+    at, covector = [
+        Series.unknown(x, products) if carries else vec(*[Series(c).among(products) for c in x]) for x in (y, p)
+    ]
     for component, rate in zip(at, structure.sharp(at, covector)):
         Series.grown(component, rate, 1.0)
     return [Series.coefficient(at, k) for k in range(1, number + 1)]

@@ -260,10 +260,8 @@ def require_jacobi(method: Any, structure: PoissonStructure) -> None:
                 slopes, terms = slopes_of(structure, at), structure.terms(at)
         except (ArithmeticError, ValueError):  # not in its domain
             continue
-        units = 1.0 / like_sizes(terms)
-        sizes = terms + (terms / np.outer(units, units)).max() * np.outer(
-            units, units
-        )  # an entry may be rounding alone
+        units = np.outer(1.0 / like_sizes(terms), 1.0 / like_sizes(terms))
+        sizes = terms + (terms / units).max() * units  # an entry may be rounding alone
         bent = np.abs(slopes) + np.where(slopes == 0.0, 0.0, sizes / np.abs(np.reshape(y, (n, 1, 1))))
         sums, bounds = jacobi_sums(slopes, matrix), ROUNDING * jacobi_sums(bent, sizes)
         for i, j, k in itertools.combinations(range(n), 3):
