@@ -229,6 +229,11 @@ def test_grazing_is_refused_by_name_and_so_is_what_has_no_derivative() -> None:
         plan.tangent(BALL.state([1.0], [0.0]), steps=100, by="h")
     with pytest.raises(lm.errors.InvalidInput, match="by the last state alone"):
         plan.gradient(lambda x: x.q[0], BALL.state([1.0], [0.0]), steps=100, every=10)
+    kicks = [
+        lm.Jump(lambda t, s, k=k: k * (t - 0.505), lambda t, s: BALL.state(q=s.q, p=s.p + 1.0)) for k in (1.0, 2.0)
+    ]
+    with pytest.raises(lm.errors.InvalidInput, match=r"is zero at t = 0\.505, where another event jumps"):
+        lm.Plan(BALL, lm.StormerVerlet(), h=0.01, events=kicks).tangent(BALL.state([9.0], [0.0]), steps=100)
     pendulum = lm.SphericalPendulum(mass=1.0, length=1.0)
     wall = lm.Jump(lambda t, s: s.q[0], lambda t, s: pendulum.state(q=s.q, p=-s.p))
     plan = lm.Plan(pendulum, lm.RATTLE(), h=0.01, events=wall, compiled=False)
@@ -254,3 +259,44 @@ def test_a_run_that_ends_on_a_jump_and_one_that_jumps_where_a_step_ends() -> Non
         assert run.time_tangents[0]["start"] == pytest.approx(np.zeros((1, 2)), abs=1e-13)
         found = plan.gradient(lambda x: x.q[0] + 2.0 * x.p[0], start, steps=steps)
         assert found["start"] == pytest.approx(np.array([1.0, 2.0]) @ flow, rel=1e-12)
+
+
+@lm.record
+class Driven(lm.Force):
+    """A torque from a table."""
+
+    torque: lm.PiecewisePolynomial
+
+    def covector(self, t: float, xi: Any, g: Any) -> Any:
+        return self.torque(t)
+
+
+@pytest.mark.slow
+def test_gradients_by_the_values_of_a_table_go_through_jumps() -> None:
+    t = np.linspace(0.0, 4.0, 9)
+    values = np.column_stack([0.3 * np.sin(t), 0.2 * np.cos(t), 0.1 + 0.0 * t])
+
+    def driven(values: np.ndarray) -> Any:
+        table = lm.PiecewisePolynomial.linear(t, values)
+        return lm.MechanicalSystem(lm.RigidBody([1.0, 2.0, 3.0]), lm.NoPotential(), load=Driven(table))
+
+    body = driven(values)
+    kick = lm.Jump(
+        lambda t, s: s.mu[0] - 0.6, lambda t, s: body.state(mu=[s.mu[0] + 0.5, s.mu[1] * 0.9, s.mu[2]], g=s.g)
+    )
+    plan = lm.Plan(body, lm.RKMK(order=4), h=0.05, events=kick, compiled=False)
+    start = body.state(mu=[0.5, 0.1, 0.8], g=np.eye(3))
+    by_table = plan.gradient(lambda s: lm.dot(s.mu, lm.vec(1.0, 2.0, 3.0)), start, steps=60, by="torque.values")
+    run = plan.tangent(start, steps=60, by="load.torque.values")
+    assert len(run.events[0][0]) == 1
+    weights = np.array([1.0, 2.0, 3.0, 0.0, 0.0, 0.0])
+    found = (weights @ run.tangent["load.torque.values"][-1]).reshape(9, 3)
+    assert by_table["torque.values"] == pytest.approx(found, rel=1e-9, abs=1e-11)
+    for i, j in ((1, 0), (3, 1), (5, 2)):
+        unit = np.zeros((9, 3))
+        unit[i, j] = 1.0
+        close(
+            found[i, j],
+            lambda x, u=unit: plan.replace(system=driven(values + x * u)).run(start, steps=60).mu[-1] @ weights[:3],
+            2e-4,
+        )

@@ -150,16 +150,16 @@ class StepsOfARun(Wrapping):
 def in_steps(plan: Any, t: np.ndarray) -> Any:
     """The plan of fixed steps that repeats the steps of an adaptive run, which end at the times t."""
     begins = plan._steps.begun(t)
-    return like(plan, _steps=_repeated(plan, _dressed_in(begins, t)(plan._steps.method)))
+    return like(plan, _steps=repeated(plan, dressed_in(begins, t)(plan._steps.method)))
 
 
-def _dressed_in(begins: np.ndarray, t: np.ndarray) -> Any:
+def dressed_in(begins: np.ndarray, t: np.ndarray) -> Any:
     """The function from a method to its steps that begin and end at these times."""
     tables = Table([*begins, 0.0]), Table([*(t[1:] - begins), 0.0])
     return lambda method: StepsOfARun(method, *tables)
 
 
-def _repeated(plan: Any, method: StepsOfARun) -> Steps:
+def repeated(plan: Any, method: StepsOfARun) -> Steps:
     """The steps of an adaptive plan as fixed ones, whose time is their number."""
     adaptive = plan._steps
     return Steps(
@@ -170,8 +170,8 @@ def _repeated(plan: Any, method: StepsOfARun) -> Steps:
 def adaptive_tangent_run(plan: Any, run: Trajectory, start: State, names: tuple[str, ...]) -> TangentTrajectory:
     """An adaptive run, every step of which is kept, with the derivative of its steps, their lengths held fixed."""
     adaptive, begins = plan._steps, plan._steps.begun(run.t)
-    directions = Directions(adaptive.system, adaptive.method, start, names, _dressed_in(begins, run.t))
-    repeating = like(plan, _steps=_repeated(plan, directions.method))
+    directions = Directions(adaptive.system, adaptive.method, start, names, dressed_in(begins, run.t))
+    repeating = like(plan, _steps=repeated(plan, directions.method))
     repeated, times, _, tangent = carried_along(repeating, start, len(begins), 0.0, directions)
     states = {name: x[: len(times)] for name, x in run.states.items()}
     return of_tangent(

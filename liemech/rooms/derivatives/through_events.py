@@ -34,12 +34,13 @@ from ...simulation.between.dense import packed
 from ...simulation.between.events import name_of
 from ...simulation.between.jump import Jump
 from ...simulation.compiled.driver import on_the_way
+from ...simulation.compiled.execution import like
 from ...simulation.trajectory import TangentTrajectory, Trajectory
 from ...systems.system import small_state
 from .differences import EIGHTH
 from .directions import Directions, dual_of
 from .frames import LEVEL, group_of
-from .tangent import adaptive_tangent_run, tangent_run
+from .tangent import carried_along, dressed_in, repeated
 
 GRAZING = math.sqrt(EPSILON / 1e-6)
 """The rate of an event in its zero over its mean rate in the step there, below which rounding has a millionth of the
@@ -68,8 +69,11 @@ class RunWithEvents:
     """
 
     def __init__(self, plan: Any, start: Any, steps: Any, t_end: Any, t0: float, names: tuple[str, ...]) -> None:
-        if plan.fictive or "h" in names:
-            what = "in fictive time" if plan.fictive else "by h, with which the times of the steps move,"
+        noisy = plan._first_of("method").noisy
+        if plan.fictive or noisy or "h" in names:
+            what = "by h, with which the times of the steps move,"
+            if plan.fictive or noisy:
+                what = "in fictive time" if plan.fictive else "under noise"
             raise IncompatibleSystem(
                 f"Plan.tangent: {what} there is no derivative with events; make a plan without them"
             )
@@ -131,12 +135,15 @@ class RunWithEvents:
 
     def stretch(self, first: int, last: int, names: tuple[str, ...]) -> np.ndarray:
         """The tangents from a row at it and at those behind it, up to the last one, (n, N, directions)."""
-        start = self.state(first)
+        start, bare, t = self.state(first), self.bare, self.run.t[first : last + 1]
+        dressed = dressed_in(bare._steps.begun(t), t) if self.adaptive else None
+        directions = Directions(self.system, bare._steps.method, start, names, dressed)
         if self.adaptive:
-            found = adaptive_tangent_run(self.bare, self.part(first, last), start, names)
-        else:
-            found = tangent_run(self.bare, start, last - first, self.run.t.item(first), names)
-        return np.concatenate([found.tangent[name] for name in names], axis=2)
+            bare = like(bare, _steps=repeated(bare, directions.method))
+        run, _, _, tangent = carried_along(bare, start, last - first, 0.0 if self.adaptive else t.item(0), directions)
+        if run.stopped:
+            raise run.stopped[min(run.stopped)].error
+        return tangent
 
     # ---------------------------------------------------------------- a crossing
 
@@ -149,10 +156,17 @@ class RunWithEvents:
         return on_the_way(method.retraction, system, state, trial.curve, h / (end - t))
 
     def rate(self, event: Any, t: float, state: Any, at: float, end: float) -> float:
-        """The rate of an event at its zero, by the length of the step there.  Raises InvalidInput where it grazes."""
+        """The rate of an event at its zero, by the length of the step there.  Raises InvalidInput where it grazes, or where
+        the motion has jumped just then.
+        """
+        if at == t:
+            raise InvalidInput(
+                f"Plan.tangent: {name_of(event)} is zero at t = {at:.10g}, where another event jumps: which comes first "
+                "depends on rounding, and nothing there has a derivative. Begin elsewhere, or end the run before"
+            )
         moved = self.leg(self._way(self.method), self.system, t, state, Dual(at - t, 1.0, LEVEL), end)
         value = event(Dual(at, 1.0, LEVEL), moved)
-        rate, mean = slope(value), abs(event(t, state) / (at - t)) if at != t else 0.0
+        rate, mean = slope(value), abs(event(t, state) / (at - t))
         if not abs(rate) > GRAZING * mean:
             raise InvalidInput(
                 f"Plan.tangent: {name_of(event)} grazes its zero at t = {at:.10g}, its rate there is {rate:.1e}, on the way "
