@@ -273,7 +273,7 @@ class Driven(lm.Force):
 
 @pytest.mark.slow
 def test_gradients_by_the_values_of_a_table_go_through_jumps() -> None:
-    t = np.linspace(0.0, 4.0, 9)
+    t = np.linspace(0.0, 4.0, 5)
     values = np.column_stack([0.3 * np.sin(t), 0.2 * np.cos(t), 0.1 + 0.0 * t])
 
     def driven(values: np.ndarray) -> Any:
@@ -284,19 +284,19 @@ def test_gradients_by_the_values_of_a_table_go_through_jumps() -> None:
     kick = lm.Jump(
         lambda t, s: s.mu[0] - 0.6, lambda t, s: body.state(mu=[s.mu[0] + 0.5, s.mu[1] * 0.9, s.mu[2]], g=s.g)
     )
-    plan = lm.Plan(body, lm.RKMK(order=4), h=0.05, events=kick, compiled=False)
+    plan = lm.Plan(body, lm.RKMK(order=4), h=0.125, events=kick)
     start = body.state(mu=[0.5, 0.1, 0.8], g=np.eye(3))
-    by_table = plan.gradient(lambda s: lm.dot(s.mu, lm.vec(1.0, 2.0, 3.0)), start, steps=60, by="torque.values")
-    run = plan.tangent(start, steps=60, by="load.torque.values")
+    by_table = plan.gradient(lambda s: lm.dot(s.mu, lm.vec(1.0, 2.0, 3.0)), start, steps=24, by="torque.values")
+    run = plan.tangent(start, steps=24, by="load.torque.values")
     assert len(run.events[0][0]) == 1
     weights = np.array([1.0, 2.0, 3.0, 0.0, 0.0, 0.0])
-    found = (weights @ run.tangent["load.torque.values"][-1]).reshape(9, 3)
+    found = (weights @ run.tangent["load.torque.values"][-1]).reshape(5, 3)
     assert by_table["torque.values"] == pytest.approx(found, rel=1e-9, abs=1e-11)
-    for i, j in ((1, 0), (3, 1), (5, 2)):
-        unit = np.zeros((9, 3))
+    for i, j in ((1, 0), (2, 2)):
+        unit = np.zeros((5, 3))
         unit[i, j] = 1.0
         close(
             found[i, j],
-            lambda x, u=unit: plan.replace(system=driven(values + x * u)).run(start, steps=60).mu[-1] @ weights[:3],
+            lambda x, u=unit: plan.replace(system=driven(values + x * u)).run(start, steps=24).mu[-1] @ weights[:3],
             2e-4,
         )

@@ -172,10 +172,10 @@ def adaptive_tangent_run(plan: Any, run: Trajectory, start: State, names: tuple[
     adaptive, begins = plan._steps, plan._steps.begun(run.t)
     directions = Directions(adaptive.system, adaptive.method, start, names, dressed_in(begins, run.t))
     repeating = like(plan, _steps=repeated(plan, directions.method))
-    repeated, times, _, tangent = carried_along(repeating, start, len(begins), 0.0, directions)
+    again, times, _, tangent = carried_along(repeating, start, len(begins), 0.0, directions)
     states = {name: x[: len(times)] for name, x in run.states.items()}
     return of_tangent(
-        repeated, run.steps, directions.named(tangent), system=adaptive.system, method=adaptive.method, h=run.h,
+        again, run.steps, directions.named(tangent), system=adaptive.system, method=adaptive.method, h=run.h,
         t=run.t[: len(times)], states=states, rejected=run.rejected,
     )  # fmt: skip
 
