@@ -155,21 +155,21 @@ def gradient_with_events(
     plan: Any, start: State, steps: Any, t_end: Any, t0: float, names: tuple[str, ...], asked: Asked
 ) -> Gradient:
     """The gradient of a run of one body that meets events: backwards through its crossings and what lies between."""
-    found = RunWithEvents(plan, start, steps, t_end, t0, names)
-    run, crossings, growth, cotangent = found.run, [*found.changed], 1.0, asked
+    of_events = RunWithEvents(plan, start, steps, t_end, t0, names)
+    run, crossings, growth, cotangent = of_events.run, [*of_events.changed], 1.0, asked
     value, sums = None, {}  # type: Any, dict[str, Any]
     in_full = {
-        name: name if name.startswith("method.") or name in Tables(found.system, names, "Plan.gradient").by_name
-        else full_name(found.system, name, "Plan.gradient")
+        name: name if name.startswith("method.") or name in Tables(of_events.system, names, "Plan.gradient").by_name
+        else full_name(of_events.system, name, "Plan.gradient")
         for name in names if name != "start"
     }  # fmt: skip
-    directions = Directions(found.system, plan.method, start, ("start", *in_full.values()))
+    directions = Directions(of_events.system, plan.method, start, ("start", *in_full.values()))
     count = directions.frames.count
-    for first, last in reversed(found.stretches()):
-        between = found.bare, found.state(first), last - first
+    for first, last in reversed(of_events.stretches()):
+        between = of_events.bare, of_events.state(first), last - first
         all_names = ("start", *in_full)
         if plan.adaptive:
-            part = found.part(first, last)
+            part = of_events.part(first, last)
             of_part = gradient_of(in_steps(between[0], part.t), *between[1:], 0.0, all_names, cotangent, part)
         else:
             of_part = gradient_of(*between, run.t.item(first), all_names, cotangent)
@@ -177,7 +177,7 @@ def gradient_with_events(
         sums = {name: of_part[name] + sums.get(name, 0.0) for name in in_full}
         growth *= of_part.growth or 1.0
         if crossings:
-            jacobian, _ = found.through(crossings.pop(), directions, np.eye(count, len(directions.slopes)))
+            jacobian, _ = of_events.through(crossings.pop(), directions, np.eye(count, len(directions.slopes)))
             growth *= float(np.linalg.norm(jacobian[:, :count], 2))
             by_name = directions.named((pulled @ jacobian)[None])
             sums = {name: x + by_name[in_full[name]].reshape(np.shape(x)) for name, x in sums.items()}
@@ -185,7 +185,7 @@ def gradient_with_events(
         cotangent = Asked(None, cotangent=pulled)
     tell(growth)
     sums["start"] = pulled
-    ends = found.part(0, len(run.t) - 1, len(run.t) - 1)
+    ends = of_events.part(0, len(run.t) - 1, len(run.t) - 1)
     return Gradient(value, {name: sums[name] for name in names}, ends, growth)
 
 

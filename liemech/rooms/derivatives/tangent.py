@@ -184,11 +184,9 @@ def of_bodies(method: Any, runs: list[TangentTrajectory]) -> TangentTrajectory:
     """The runs of all bodies as one."""
     alone = all(run.system is runs[0].system for run in runs)
     system: Any = runs[0].system if alone else Systems(tuple([run.system for run in runs]))
-    own: dict[str, Any] = {
-        name: tuple(zip(*[getattr(run, name) for run in runs], strict=True)) for name in ("events", "time_tangents")
-    }
-    ended: Any = [run.ended for run in runs]
-    return of_some(runs, system=system, method=method, ended=ends(ended), **own)
+    names, numbers = ("events", "time_tangents"), [run.ended for run in runs]  # type: Any, list[Any]
+    by_event = {name: tuple(zip(*[getattr(run, name) for run in runs], strict=True)) for name in names}
+    return of_some(runs, system=system, method=method, ended=ends(numbers), **by_event)
 
 
 def multiplied(run: TangentTrajectory, name: str, given: Any) -> TangentTrajectory:

@@ -78,13 +78,14 @@ class RunWithEvents:
                 f"Plan.tangent: {what} there is no derivative with events; make a plan without them"
             )
         self.adaptive, self.events = plan.adaptive, plan.events
-        kept = plan if plan.adaptive else plan.replace(every=1)
-        self.bare = kept.replace(events=())
-        made = kept.kind_of_run(start, t_end, None)(kept, start, t0, steps, t_end, None, None)
-        self.run: Trajectory = made.trajectory()
+        every_step = plan if plan.adaptive else plan.replace(every=1)
+        self.bare = every_step.replace(events=())
+        kind = every_step.kind_of_run(start, t_end, None)
+        in_pieces = kind(every_step, start, t0, steps, t_end, None, None)
+        self.run: Trajectory = in_pieces.trajectory()
         self.system, self.method = plan._one, plan.method
-        self.sign = float(made.sign[0])
-        self.crossings = [*self._crossings(made.events.each[0].in_turn)]
+        self.sign = float(in_pieces.sign[0])
+        self.crossings = [*self._crossings(in_pieces.events.each[0].in_turn)]
         self.changed = [crossing for crossing in self.crossings if crossing.last > crossing.first]
 
     def _crossings(self, zeros: list[tuple[int, float, float]]) -> Iterator[Crossing]:
@@ -186,7 +187,7 @@ class RunWithEvents:
         of_method, of_system, _ = directions.places
         rows = directions.slopes
         systems = [directions.varied.get(k, directions.system) for k in range(len(rows))]
-        ways = [
+        pairs = [
             (self._way(dual_of(directions.method, row[of_method])), dual_of(system, row[of_system]))
             for system, row in zip(systems, rows)
         ]
@@ -195,13 +196,13 @@ class RunWithEvents:
         for number, at, whole in crossing.zeros:
             event = self.events[number]
             rate = self.rate(event, t, state, at, whole)
-            ends = [self.leg(*way, c, y, at - c, whole) for way, c, y in zip(ways, clocks, states)]
+            ends = [self.leg(*pair, c, y, at - c, whole) for pair, c, y in zip(pairs, clocks, states)]
             times.append(np.array([-slope(event(at, y)) / rate for y in ends]))
             at_end = whole if self.run.ended == number and at == end else None
             if at_end is not None or not isinstance(event, Jump):
                 continue
             later = [Dual(at, dt, LEVEL) for dt in times[-1].tolist()]
-            ends = [self.leg(*way, c, y, l - c, whole) for way, c, y, l in zip(ways, clocks, states, later)]
+            ends = [self.leg(*pair, c, y, l - c, whole) for pair, c, y, l in zip(pairs, clocks, states, later)]
             before = self.leg(self._way(self.method), self.system, t, state, at - t, whole)
             state, t, clocks = self.behind(event, self.system, at, before), at, later
             states = [
@@ -212,11 +213,11 @@ class RunWithEvents:
         if crossing.last == crossing.first:
             return tangent, times
         if end != t:
-            rest = [self.leg(*way, c, y, end - c, at_end) for way, c, y in zip(ways, clocks, states)]
+            ends = [self.leg(*pair, c, y, end - c, at_end) for pair, c, y in zip(pairs, clocks, states)]
         else:  # where the run ends with a jump
             xi = self.system.rate(t, self.system.essential_part(state))
-            rest = [self.system.displaced(Exponential(), y, (end - c) * xi) for c, y in zip(clocks, states)]
-        changes = np.array([split(y, layout)[1] for y in rest])
+            ends = [self.system.displaced(Exponential(), y, (end - c) * xi) for c, y in zip(clocks, states)]
+        changes = np.array([split(y, layout)[1] for y in ends])
         return frames.components(self.points(crossing.last), changes[None])[0].T, times
 
     def points(self, row: int) -> dict[str, np.ndarray]:
@@ -258,8 +259,12 @@ class RunWithEvents:
             moved = build(layout, iter((numbers + x * of_system).tolist())) if of_system.any() else system
             return packed(self.behind(event, moved, at + x * shift, type(before)(*parts.values())))
 
-        size, here = max([np.abs(x).max() for x in points.values()]), numbers != 0.0
-        changes = np.abs(along) / (size or 1.0), np.abs(of_system[here] / numbers[here]), [abs(shift) / self.near(at)]
+        size, nonzero = max([np.abs(x).max() for x in points.values()]), numbers != 0.0
+        changes = (
+            np.abs(along) / (size or 1.0),
+            np.abs(of_system[nonzero] / numbers[nonzero]),
+            [abs(shift) / self.near(at)],
+        )
         largest = float(np.concatenate(changes).max())
         try:
             step = SMALL / (largest or 1.0)
@@ -295,27 +300,27 @@ def tangent_with_events(
     times: list[list[np.ndarray]] = [[] for _ in plan.events]
     for first, last in of_events.stretches():
         of_stretch = of_events.stretch(first, last, all_names)
-        here = of_stretch[:, :, :count] @ tangent
-        here[:, :, count:] += of_stretch[:, :, count:]
+        since_start = of_stretch[:, :, :count] @ tangent
+        since_start[:, :, count:] += of_stretch[:, :, count:]
         rows.append(np.arange(first, last + 1))
-        tangents.append(here)
+        tangents.append(since_start)
         while crossings and crossings[0].first <= last:
             crossing = crossings.pop(0)
-            tangent, found = of_events.through(crossing, whole, here[crossing.first - first])
-            for (number, _, _), dt in zip(crossing.zeros, found):
+            tangent, of_zeros = of_events.through(crossing, whole, since_start[crossing.first - first])
+            for (number, _, _), dt in zip(crossing.zeros, of_zeros):
                 times[number].append(dt)
-    kept = np.concatenate(rows)
+    at = np.concatenate(rows)
     if not plan.adaptive:  # of fixed steps every n-th, and the end
         h = plan._steps.h
-        n = np.rint((run.t[kept] - t0) / h)
-        of_plan = (n % plan._steps.every == 0) | (kept == kept[-1])
-        kept, tangents = kept[of_plan], [np.concatenate(tangents)[of_plan]]
+        n = np.rint((run.t[at] - t0) / h)
+        of_plan = (n % plan._steps.every == 0) | (at == at[-1])
+        at, tangents = at[of_plan], [np.concatenate(tangents)[of_plan]]
     named = whole.named(np.concatenate(tangents))
-    shapes = [np.array(found).reshape(-1, 1, len(whole.slopes)) for found in times]
+    shapes = [np.array(dt).reshape(-1, 1, len(whole.slopes)) for dt in times]
     by_event = tuple([{name: x[:, 0] for name, x in whole.named(each).items() if name in names} for each in shapes])
     fields = {"system": of_events.system, "method": plan.method, "h": run.h, "bodies": None, "steps": run.steps}
     return TangentTrajectory(
-        **fields, t=run.t[kept], states={name: x[kept] for name, x in run.states.items()}, rejected=run.rejected,
+        **fields, t=run.t[at], states={name: x[at] for name, x in run.states.items()}, rejected=run.rejected,
         compiled=run.compiled, events=run.events, ended=run.ended, time_tangents=by_event,
         tangent={name: named[name] for name in names},
     )  # fmt: skip

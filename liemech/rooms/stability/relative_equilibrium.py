@@ -150,8 +150,8 @@ def relative_equilibrium(system: Any, guess: Any) -> RelativeEquilibrium:
     moving = changing(near, sizes, conserved, changes)
     before = _with_motion_near(near, sizes, conserved, moving, _weights(near, sizes, moving), True).squares
     near, w = _critical_point(near, sizes, conserved, changes)
-    found = _with_motion_near(near, near.sizes(sizes), conserved, changing(near, sizes, conserved, changes), w)
-    after = found.squares
+    steady = _with_motion_near(near, near.sizes(sizes), conserved, changing(near, sizes, conserved, changes), w)
+    after = steady.squares
     if before and after and sum(before) == sum(after) and (before[1] - after[1]) % 2:
         warn(
             f"relative_equilibrium: the augmented energy has {before[1]} negative squares at the guess and {after[1]} at what "
@@ -159,7 +159,7 @@ def relative_equilibrium(system: Any, guess: Any) -> RelativeEquilibrium:
             "one that you know, in small steps of its momenta",
             RuntimeWarning,
         )
-    return found
+    return steady
 
 
 def _weights(near: NearState, sizes: np.ndarray, moving: np.ndarray) -> np.ndarray:
