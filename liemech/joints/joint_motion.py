@@ -259,7 +259,7 @@ def _integral(t: np.ndarray, power: np.ndarray) -> np.ndarray:
         if begin > 0:
             work[begin:end] = work[begin - 1]
         if end - begin > 1:
-            way = 1 if t[end - 1] > t[begin] else -1
-            integral = CubicSpline(t[begin:end][::way], power[begin:end][::way]).antiderivative()
+            sign = 1 if t[end - 1] > t[begin] else -1
+            integral = CubicSpline(t[begin:end][::sign], power[begin:end][::sign]).antiderivative()
             work[begin:end] += integral(t[begin:end]) - integral(t[begin])
     return work

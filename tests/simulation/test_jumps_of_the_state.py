@@ -362,6 +362,32 @@ class Pendulum(lm.SeparableSystem):
         return -lm.formulas.cos(q[0])
 
 
+@lm.record
+class Fast(lm.CotangentSystem):
+    """A particle near the speed of light in the plane, in a field along y: H = sqrt(1 + p^2) + k y."""
+
+    configurations: ClassVar[lm.LieGroup] = lm.VectorSpace(2)
+    k: float
+
+    def energy(self, mu: lm.Vec, g: Any) -> float:
+        return lm.formulas.sqrt(1.0 + lm.dot(mu, mu)) + self.k * g[1]
+
+
+@pytest.mark.parametrize("restitution", [1.0, 0.5])
+def test_an_energy_that_is_not_quadratic_rebounds_by_newtons_law(restitution: float) -> None:
+    """p_x stays, and v_y = p_y/sqrt(1 + p^2) is turned back: p_y = v sqrt((1 + p_x^2)/(1 - v^2))."""
+    particle = Fast(0.3)
+    floor = lm.impact(particle, lambda t, state: state.g[1], restitution)
+    start = particle.state(mu=[1.0, -2.0], g=[0.0, 1.0])
+    run = lm.integrate(particle, lm.RKMK(order=5), start, h=0.1, steps=20, events=floor, compiled=False)
+    k = int(np.flatnonzero(np.diff(run.t) == 0.0)[0])
+    (x, y), after = run.mu[k], run.mu[k + 1]
+    v = -restitution * y / np.sqrt(1.0 + x * x + y * y)
+    assert after == pytest.approx([x, v * np.sqrt((1.0 + x * x) / (1.0 - v * v))], rel=1e-13)
+    if restitution == 1.0:
+        assert run.energy[k + 1] == pytest.approx(run.energy[k], rel=1e-14)
+
+
 # ------------------------------------------------------------------ borders
 
 

@@ -6,11 +6,19 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from ...errors import InvalidInput, require
 from ...formulas import derivative, dot, gradient, vec
 from ...formulas.classes.frozen import frozen
 from ...systems.cotangent import CotangentMotion
 from .jump import Jump, slope
+
+ROUNDING = 2.0**-40
+"""Part of the rates by which that behind an impulse is missed in rounding."""
+
+DOUBLINGS = 60
+"""How often an impulse is doubled that is too small."""
 
 
 @frozen(eq=False)
@@ -26,13 +34,34 @@ class Rebound:
         mu, g, group = state.mu, state.g, self.system.configurations
         kind = type(state)
         w = gradient(lambda x: self.gap(t, kind(mu, group.compose_exp(g, x))), vec(*[0.0] * group.dim))
-        mobility = dot(w, derivative(lambda m: self.system.rates(t, m, g)[0], mu, w))
+        xi, mobility = (
+            self.system.rates(t, mu, g)[0],
+            dot(w, derivative(lambda m: self.system.rates(t, m, g)[0], mu, w)),
+        )
         if not mobility > 0.0:
             raise InvalidInput(
                 f"impact: gap(t, state) is a function of where the body is, state.g; its derivative is {w!r}"
             )
         closing = slope(self.gap, self.system, t, state)
-        return self.system.state(mu=mu - (1.0 + self.restitution) * closing / mobility * w, g=g)
+        impulse = -(1.0 + self.restitution) * closing / mobility
+
+        def missed(s: float) -> float:
+            """How far the rate behind an impulse s w is from the one that is wanted."""
+            return dot(w, self.system.rates(t, mu + s * w, g)[0] - xi) + (1.0 + self.restitution) * closing
+
+        if abs(missed(impulse)) > ROUNDING * (abs(closing) + sum([abs(a * b) for a, b in zip(w, xi)])):
+            impulse = self._solved(missed, impulse)
+        return self.system.state(mu=mu + impulse * w, g=g)
+
+    def _solved(self, missed: Callable[[float], float], guess: float) -> float:
+        """The impulse of an energy that is not quadratic in momenta, from that of the quadratic one."""
+        from scipy.optimize import brentq
+
+        for _ in range(DOUBLINGS):
+            if missed(guess) * missed(0.0) <= 0.0:
+                return float(brentq(missed, 0.0, guess, xtol=np.finfo(float).tiny, rtol=4.0 * np.finfo(float).eps))
+            guess = 2.0 * guess
+        raise InvalidInput("impact: no impulse turns the velocity back: the energy is to be convex in the momentum")
 
 
 @frozen(eq=False)
@@ -50,7 +79,8 @@ def impact(system: CotangentMotion, gap: Callable[[float, Any], float], restitut
 
         mu+ = mu - (1 + e) (dphi/dt) w / <w, M^-1 w>,      H+ - H = -(1 - e^2) (dphi/dt)^2 / (2 <w, M^-1 w>) for a wall at rest
 
-    It keeps the momenta of symmetries of the wall, and for e = 1 the energy.
+    if the energy is quadratic in momenta, else the impulse is solved for.  It keeps the momenta of symmetries of the wall,
+    and for e = 1 a quadratic energy.
 
     system : a body in a field, MechanicalSystem; in a run that of the run counts, of an ensemble that of each body.
     gap : phi(t, state), in m, of state.g, zero at contact; the wall may move.
