@@ -35,7 +35,8 @@ class FormsOfSites(Charts):
     def defect(self, trial: Any, apart: float) -> float:
         """The error of the law along a step, beside the sizes of the forms."""
         end, D = self.moved(trial, apart)
-        before, after = self._forms(self.begin, 0.5 * trial.h), self._forms(end, -0.5 * trial.h)
+        after = self._forms(end, -0.5 * trial.h)
+        before = self._forms(self.begin, 0.5 * trial.h)[:, self.free[:, None], self.free]
         scale = np.abs(D).max() ** 2 * np.abs(after).max() + np.abs(before).max()
         return float(np.abs(D.T @ after @ D - before).max() / scale)
 

@@ -366,12 +366,12 @@ class UnevenKicks(lm.KickDrift):
 
 
 @pytest.mark.slow
-def test_the_two_form_of_every_node_changes_by_what_flows_to_it():
-    field = lm.Field(
-        lm.SO3(), lm.FieldDensity(lm.KineticEnergy([1.0, 1.5, 2.0]), lm.KineticEnergy([1.0, 2.0, 0.8])), 1.0, 2
-    )
-    rng = np.random.default_rng(4)
-    start = field._written_out(field.state(xi=rng.normal(size=(3, 3)), g=field.shape(0.5 * rng.normal(size=(2, 3)))))
+@pytest.mark.parametrize("end", ["free", "held"])
+def test_the_two_form_of_every_node_changes_by_what_flows_to_it(end):
+    density = lm.FieldDensity(lm.KineticEnergy([1.0, 1.5, 2.0]), lm.KineticEnergy([1.0, 2.0, 0.8]))
+    field, rng = lm.Field(lm.SO3(), density, 1.0, 2, ends=(end, "free")), np.random.default_rng(4)
+    xi = rng.normal(size=(3, 3)) * [[end == "free"], [True], [True]]
+    start = field._written_out(field.state(xi=xi, g=field.shape(0.5 * rng.normal(size=(2, 3)))))
     defects = []
     for method in (lm.KickDrift(), UnevenKicks()):
         trial = MethodTrial(method, field, start, 0.1, False)

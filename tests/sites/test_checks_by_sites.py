@@ -20,8 +20,8 @@ def start() -> Any:
     return spins().state(mu=mu / np.linalg.norm(mu, axis=1)[:, None])
 
 
-def spins() -> Any:
-    return lm.LiePoissonSystem(lm.SO3() ** N, lm.Terms(Exchange(1.0).over(lm.neighbours.ring(N))))
+def spins(held: tuple[int, ...] = ()) -> Any:
+    return lm.LiePoissonSystem(lm.SO3() ** N, lm.Terms(Exchange(1.0).over(lm.neighbours.ring(N)), held=held))
 
 
 @lm.record
@@ -122,9 +122,10 @@ def test_total_momentum_is_that_of_a_symmetry() -> None:
 
 @pytest.mark.slow
 @native
-def test_methods_of_single_sites() -> None:
-    """Of methods that take no system of all sites as one body, too."""
-    report = lm.check_method(lm.SphericalMidpoint(), spins(), start())
+@pytest.mark.parametrize("fixed", [(), (0,)], ids=["all move", "one is held"])
+def test_methods_of_single_sites(fixed: tuple[int, ...]) -> None:
+    """Of methods that take no system of all sites as one body, too; a held one is a number in the bracket of the others."""
+    report = lm.check_method(lm.SphericalMidpoint(), spins(fixed), start())
     held = {f.law for f in report.findings if f.verdict == "holds"}
     assert {"order", "symmetric", "Poisson", *[f"Casimir {k + 1}" for k in range(N)]} <= held
 

@@ -18,6 +18,7 @@ from ...rooms.poisson.poisson import POISSON_SYSTEMS
 from ...systems.canonical import HamiltonianSystem, PhaseSpace
 from ...systems.cotangent import CotangentMotion
 from ...systems.in_time.driven import DrivenHamiltonianSystem
+from ...systems.many.energies import moving
 from .sample_points import Units, flat, size
 from .sample_states import pace
 
@@ -66,6 +67,18 @@ class Charts:
             return momenta
         group = self.group
         return np.concatenate([[1.0 / Units(group).length(e) for e in Units(group).axes], momenta])
+
+    @cached_property
+    def free(self) -> np.ndarray:
+        """The numbers of the coordinates that move: all but those of sites that are held or pinned."""
+        still: Any = np.zeros(0, dtype=int)
+        if hasattr(self.begin, "mu"):
+            moves = vec(*[1.0] * self.group.dim)
+            for name in ("hamiltonian", "potential", "terms"):
+                moves = moving(getattr(self.system, name, None), moves)
+            still = np.flatnonzero(np.array(moves) == 0.0)
+            still = np.concatenate([still, still + self.group.dim]) if self.whole else still
+        return np.setdiff1d(np.arange(len(self.units)), still)
 
     @property
     def _momentum(self) -> float:
@@ -130,21 +143,24 @@ class Charts:
 
     def defect(self, trial: Any, apart: float) -> float:
         """|Phi' B Phi'^T - B(Phi)| beside |Phi'|^2 |B| + |B(Phi)|."""
-        B, (end, D) = self.structure(self.begin), self.moved(trial, apart)
-        left, right = D @ B @ D.T, self.at_time(trial.until).structure(end)
+        free, (end, D) = np.ix_(self.free, self.free), self.moved(trial, apart)
+        B, right = self.structure(self.begin)[free], self.at_time(trial.until).structure(end)[free]
+        left = D[self.free] @ B @ D[self.free].T
         scale = np.abs(D).max() ** 2 * np.abs(B).max() + np.abs(right).max()
         return float(np.abs(left - right).max() / scale)
 
     def moved(self, trial: Any, apart: float) -> tuple[Any, np.ndarray]:
-        """The end of a step, and its derivative by differences, of order eight or four."""
-        n, weights = len(self.units), trial.weights
+        """The end of a step, and its derivative by the coordinates that move, by differences of order eight or four."""
+        weights, directions = trial.weights, np.eye(len(self.units))[self.free]
         size, half = len(weights), len(weights) // 2
-        shifts = [k * apart * e for e in np.eye(n) for k in range(-half, half + 1)]
+        shifts = [k * apart * e for e in directions for k in range(-half, half + 1)]
         ends = trial.ends([self.displaced(x) for x in shifts])
         end = type(self.begin)(**{name: small(np.asarray(x)) for name, x in ends[half].items()})
         chart = self.at_time(trial.until)
         coordinates = [chart.coordinates(end, state) for state in ends]
-        columns = [sum(w * coordinates[size * j + k] for k, w in enumerate(weights)) / apart for j in range(n)]
+        columns = [
+            sum(w * coordinates[size * j + k] for k, w in enumerate(weights)) / apart for j in range(len(directions))
+        ]
         return end, np.stack(columns, axis=1)
 
 
