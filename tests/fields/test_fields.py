@@ -130,6 +130,21 @@ def test_standing_waves_have_the_frequency_of_the_cells_and_the_step(closed):
     np.testing.assert_allclose(run.g[..., 0], np.cos(w * run.t)[:, None] * np.cos(k * line.arc), atol=1e-13)
 
 
+def test_cells_have_their_own_stiffness_and_rest():
+    """One node between two springs: sin(w h/2) = h/2 sqrt((C_1 + C_2)/D^2); without force the strain is that at rest."""
+    D, h, C, rest = 0.5, 0.2, np.array([[1.0], [3.0]]), np.array([[0.2], [-0.1]])
+    line = lm.Field(LINE, lm.FieldDensity(ONE, lm.StrainEnergy(lm.each(C), lm.each(rest))), 1.0, 2, ends=("held",) * 2)
+    assert line.largest_step == pytest.approx(D / np.sqrt(3.0)) and line.shape() == pytest.approx(
+        np.array([[0.0], [0.1], [0.05]])
+    )
+    w, off = 2.0 / h * np.arcsin(0.5 * h * np.sqrt(C.sum()) / D), np.array([[0.0], [0.01], [0.0]])
+    run = lm.integrate(line, lm.KickDrift(), line.at_rest(line.shape() + off), h=h, steps=20, compiled=False)
+    np.testing.assert_allclose(run.g[:, 1, 0], 0.1 + 0.01 * np.cos(w * run.t), atol=1e-14)
+    of_three = lm.FieldDensity(lm.KineticEnergy([1.0] * 3), lm.StrainEnergy([1.0] * 3, lm.each(0.1 * np.eye(3)[:2])))
+    ring = lm.Field(lm.SO3(), of_three, 1.0, 2)
+    np.testing.assert_allclose(ring.strains(ring.shape()), 0.1 * np.eye(3)[:2], atol=1e-15)
+
+
 def test_an_energy_of_strain_is_its_own_legendre_transform():
     rng = np.random.default_rng(9)
     for C in ([1.0, 2.0, 3.0], [[2.0, 0.3, 0.0], [0.3, 1.0, 0.1], [0.0, 0.1, 1.5]]):

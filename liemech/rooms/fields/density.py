@@ -62,7 +62,8 @@ class StrainEnergy(Hamiltonian, Lagrangian):
         return self.stiffness
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        return (len(self.rest),) if kind == "Vec" and not isinstance(self.rest, OfEach) else None
+        rest: Any = self.rest
+        return np.shape(rest.values if isinstance(rest, OfEach) else rest)[-1:] if kind == "Vec" else None
 
 
 @record
