@@ -364,7 +364,8 @@ def fixed_point(sweep: Callable[[Any], tuple[Any, float | Vec, float | Vec]], gu
     change, size, done = end.change, end.size, end.done
     if not done:  # what is rounding in one unit may be small beside all data
         change, size = end.all_change, end.all_size
-    if not (size < math.inf and (done or change <= 64.0 * epsilon * size)):
+    rounding = where(end.since >= STALLED, noise, 64.0 * epsilon)  # which may be large, as of forces that cancel
+    if not (size < math.inf and (done or change <= rounding * size)):
         divergence = ": they left the domain of a formula, or grew without bound"
         raise NoConvergence(
             f"{method!r}: the stages did not converge"
