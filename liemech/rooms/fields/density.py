@@ -10,7 +10,7 @@ import numpy as np
 from ...errors import InvalidInput, require
 from ...formulas import Mat, Record, Vec, check_finite, dot, record
 from ...formulas.classes.fields import OfEach
-from ...formulas.classes.of_each import each
+from ...formulas.classes.of_each import Each, each
 from ...systems.hamiltonian import Hamiltonian
 from ...systems.kinetic_energy import KineticEnergy, has_inertia, times
 from ...systems.lagrangian import Lagrangian
@@ -63,7 +63,7 @@ class StrainEnergy(Hamiltonian, Lagrangian):
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
         rest: Any = self.rest
-        return np.shape(rest.values if isinstance(rest, OfEach) else rest)[-1:] if kind == "Vec" else None
+        return np.shape(rest.values if isinstance(rest, Each) else rest)[-1:] if kind == "Vec" else None
 
 
 @record

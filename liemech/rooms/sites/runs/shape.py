@@ -61,7 +61,8 @@ class SiteShape:
         self.paces: dict[int, int] = {}
         started, ending, self.h = layout, None, 0.0
         if plan.adaptive:
-            control, place, method = Tolerance(inside, False), BESIDE, Embedded(steps.method, inside)
+            control, place = Tolerance(inside, False), BESIDE
+            method: Any = Embedded(steps.method, inside)
         else:
             cut_method: Any = plan._sites.method
             self.h, method = steps.h, uncut(cut_method)
