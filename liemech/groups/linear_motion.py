@@ -62,7 +62,7 @@ def motion_terms(structure: Any, y: Vec, p: Vec, number: int) -> list[Vec]:
     products = Products()
     carries = any(isinstance(c, Pair) and not is_series(c) for c in y)  # derivatives, as the structure may, too
     at, covector = [
-        Series.unknown(x, products) if carries else vec(*[Series(c).among(products) for c in x]) for x in (y, p)
+        vec(*[Series.begun(c, products) if carries else Series(c).among(products) for c in x]) for x in (y, p)
     ]
     for component, rate in zip(at, structure.sharp(at, covector)):
         Series.grown(component, rate, 1.0)

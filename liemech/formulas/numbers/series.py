@@ -220,6 +220,16 @@ class Series(Operand):
         return build(layout, iter([Series(x).among(products) for x in leaves(start, layout)]))
 
     @staticmethod
+    def begun(x: Any, products: Products) -> Any:
+        """An unknown that begins with a number; of one that carries a derivative each part is unknown."""
+        if isinstance(x, Vec):
+            return vec(*[Series.begun(part, products) for part in x])
+        if not isinstance(x, Pair):
+            return Series(1.0 * x).among(products)
+        kind, *options = x.form
+        return kind(*[Series.begun(part, products) for part in x.parts], *options)
+
+    @staticmethod
     def follow(start: Any, unknown: Any, rates: Any, h: Any) -> None:
         """Let the unknown y solve y' = h rate, where the rates, a value like y, may depend on y."""
         layout = layout_of(start)

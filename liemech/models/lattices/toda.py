@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from ...errors import InvalidInput
-from ...formulas import Mat, Vec, exp, log, mat, plain, real_array, record, vec
+from ...formulas import Mat, Vec, exp, identity_matrix, log, mat, plain, real_array, record, vec
 from ...formulas.classes.derived import closed_form_of
 from ...formulas.sites import Meeting, SiteTable, meet
 from ...groups.matrices.matrix_group import whole_number
@@ -52,12 +52,7 @@ class FlaschkaStructure(PoissonStructure):
 
     def matrix(self, y: Vec) -> Mat:
         """The matrix B(y) of the bracket.  y : (dim,)."""
-        m, n = self.springs, self.particles
-        rows = [[0.0 for _ in range(m + n)] for _ in range(m + n)]
-        for i in range(m):
-            for j, sign in ((i, -0.25), ((i + 1) % n, 0.25)):
-                rows[i][m + j], rows[m + j][i] = sign * y[i], -sign * y[i]
-        return mat(*[vec(*row) for row in rows])
+        return mat(*[self.sharp(y, unit) for unit in identity_matrix(self.dim)]).T
 
     def sharp(self, y: Vec, a: Vec) -> Vec:
         """B(y) a.  y, a : (dim,)."""
