@@ -116,7 +116,6 @@ class Place(Sensor):
 
     @property
     def elements(self) -> LieGroup:
-        """The group of which the values are elements."""
         return self.group
 
 
@@ -252,5 +251,4 @@ class OfPart(Sensor):
 
     @property
     def elements(self) -> LieGroup | None:
-        """The group of the sensor's values; None if they are vectors."""
         return self.sensor.elements

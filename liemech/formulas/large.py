@@ -184,7 +184,6 @@ class Large(InMemory):
         return Large(other) @ self
 
     def inner_with(self, other: Any) -> Any:
-        """The scalar product with another, as `inner` has it."""
         return inner(self, other)
 
     # ---------------------------------------------------------------- matrices

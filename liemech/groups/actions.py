@@ -45,7 +45,6 @@ class LeftMultiplication(GroupAction):
         return self.group.compose(self.group.exp(xi), x)
 
     def defect(self, x: Ambient) -> float:
-        """The defect of the group.  x : shaped like an element."""
         return self.group.defect(x)
 
     def contains(self, x: Ambient) -> bool:

@@ -220,7 +220,6 @@ class Canonical(PoissonStructure):
 
     @property
     def dim(self) -> int:
-        """The dimension 2n of n degrees of freedom."""
         return 2 * self.degrees
 
     @property

@@ -36,11 +36,9 @@ class AbelianAlgebra(AlgebraOfParts):
 
     @property
     def structure_constants(self) -> Constants:
-        """The structure constants, which are zero."""
         return (((0.0,) * self.n,) * self.n,) * self.n
 
     def bracket(self, xi: Vec, eta: Vec) -> Vec:
-        """The bracket of velocities, which is zero."""
         return vec(*[0.0] * self.n)
 
     def ad_star(self, xi: Vec, mu: Vec) -> Vec:
@@ -89,15 +87,12 @@ class VectorSpace(CayleyByExponential):
         return -g
 
     def Ad(self, g: Element, xi: Vec) -> Vec:
-        """The adjoint action, which leaves xi alone."""
         return xi
 
     def Ad_star(self, g: Element, mu: Vec) -> Vec:
-        """The coadjoint action, which leaves mu alone."""
         return mu
 
     def body_velocity(self, g: Element, rate: Ambient) -> Vec:
-        """The body velocity, which is the rate g'."""
         return rate
 
     def casimirs(self, mu: Vec) -> Vec:
@@ -117,7 +112,6 @@ class VectorSpace(CayleyByExponential):
         return g
 
     def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
-        """Vectors with normally distributed components."""
         shape = (size,) if isinstance(size, int) else tuple(size)
         return np.random.default_rng(rng).normal(size=(*shape, self.n))
 

@@ -101,7 +101,6 @@ class CovariantVariational(Implicit):
 
     @property
     def name(self) -> str:
-        """Algorithm 1, the retraction and the discrete Lagrangian."""
         action = "" if self.lagrangian is None else f", {type(self.lagrangian).__name__}"
         return f"Algorithm 1 ({type(self.retraction).__name__}{action})"
 

@@ -27,7 +27,6 @@ class PotentialsOfBodies(Potential):
         return vectors.sum([potential.energy(pose(g, b)) for b, potential in zip(self.bodies, self.each)])
 
     def force(self, group: LieGroup, g: Any) -> Vec:
-        """The forces on all bodies, of their potentials."""
         parts = [REST6 for _ in range(group.dim // 6)]
         for b, potential in zip(self.bodies, self.each):
             parts[b] = parts[b] + potential.force(SE3(), pose(g, b))
@@ -45,14 +44,12 @@ class ForcesOfBodies(Force):
     each: tuple[Any, ...]  # by body, a Force on SE(3)
 
     def covector(self, t: float, xi: Vec, g: Any) -> Vec:
-        """The loads on all bodies, body by body."""
         parts = [REST6 for _ in range(len(g) // 16)]
         for b, load in zip(self.bodies, self.each):
             parts[b] = parts[b] + load.covector(t, xi[6 * b : 6 * b + 6], pose(g, b))
         return vec(*[x for part in parts for x in part])
 
     def resistance(self, t: float, xi: Vec, g: Any, along: Vec) -> Vec:
-        """The damping of all bodies, by their loads."""
         parts = [REST6 for _ in range(len(g) // 16)]
         for b, load in zip(self.bodies, self.each):
             end = 6 * b + 6

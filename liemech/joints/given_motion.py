@@ -164,7 +164,6 @@ class MovedJoint(Joint):
         return self.held.askew(g, k @ self.place(self.time, True))
 
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
-        """The rows of the conditions by both bodies."""
         m = self.place(self.time, True)
         return tuple([(first, carried_by(m, second)) for first, second in self.held.rows(g, k @ m)])
 
@@ -186,7 +185,6 @@ class MovedJoint(Joint):
         return self.joint.coordinates(g, k @ self.place(self.time, False))
 
     def motions(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
-        """The motions of the joint, by both bodies."""
         m = self.place(self.time, False)
         return tuple([(first, carried_by(m, second)) for first, second in self.joint.motions(g, k @ m)])
 

@@ -203,7 +203,6 @@ class Motor(JointForce):
         super().__post_init__()
 
     def effort(self, t: float, q: float, rate: float) -> float:
-        """The torque at time t."""
         return self.torque(t) if isinstance(self.torque, PiecewisePolynomial) else self.torque
 
 
@@ -429,7 +428,6 @@ class LinkagePotential(Potential):
         return total if self.other is None else total + self.other.energy(g)
 
     def force(self, group: LieGroup, g: Element) -> Vec:
-        """The sum of the forces."""
         pushes = [at_joint.push(0.0, g, REST6) for at_joint in self.at_joints]
         total = self.weights.force(group, g) + pushed(pushes, group.dim)
         return total if self.other is None else total + self.other.force(group, g)
@@ -474,7 +472,6 @@ class LinkageForce(Force):
         return self.efforts(t, rates, g, resistance_of)
 
     def resistance(self, t: float, xi: Vec, g: Any, along: Vec) -> Vec:
-        """The damping along a velocity of all bodies."""
         rates = self.rates_at(t, xi, g)
         turned = self.rates_at(t, along, g) - self.rates_at(t, 0.0 * along, g)
         total = self.spread(t, self.resistances(t, rates, g) * turned, g)
@@ -491,7 +488,6 @@ class LinkageForce(Force):
         return pushed(pushes, len(g) // 16 * 6)
 
     def at_rates(self, t: float, rates: Vec, g: Any) -> Vec:
-        """The sum of the forces at these rates."""
         if self.other is None:
             return self.spread(t, self.efforts(t, rates, g), g)
         return self.covector(t, rates, g)

@@ -258,7 +258,6 @@ class RevoluteJoint(Joint):
         return between(turned(g, self.axis_first), turned(k, self.axis_second))
 
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
-        """The rows of the points, and of the axes."""
         points = [(along(g, self.at_first, n), -along(k, self.at_second, n)) for n in AXES]
         axes = [crossed(g, u, k, self.axis_second) for u in across(self.axis_first)]
         return (*points, *axes)
@@ -381,7 +380,6 @@ class PrismaticJoint(Joint):
         return turned_by(g, k, self.attitude)
 
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
-        """The rows of the connection, and of the axes."""
         d = place(k, self.at_second) - place(g, self.at_first)
         slides: list[Any] = []
         for u in across(self.axis):
@@ -456,7 +454,6 @@ class PlanarJoint(Joint):
         return between(turned(g, self.axis_first), turned(k, self.axis_second))
 
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
-        """The rows of the height, and of the axes."""
         axes = [crossed(g, u, k, self.axis_second) for u in across(self.axis_first)]
         return (shift(g, self.at_first, k, self.at_second, self.axis_second), *axes)
 
@@ -506,7 +503,6 @@ class FloatingJoint(Joint):
     at_second: Vec = ORIGIN
 
     def coordinates(self, g: Mat, k: Mat) -> Vec:
-        """The rotation vector, and the shift."""
         d = place(g, self.at_first) - place(k, self.at_second)
         return join(SO3().log(transpose(rotation(k)) @ rotation(g)), seen(k, d))
 
@@ -516,7 +512,6 @@ class FloatingJoint(Joint):
         return (*turns, *[shift(g, self.at_first, k, self.at_second, e) for e in AXES])
 
     def relative(self, q: Vec) -> Mat:
-        """The rotation and the shift."""
         return hung(SO3().exp(q[:3]), self.at_first, self.at_second + q[3:])
 
 
@@ -551,7 +546,6 @@ class FixedJoint(Joint):
         return turned_by(g, k, self.attitude)
 
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
-        """The rows of the points, and of the axes."""
         points = [(along(g, self.at_first, n), -along(k, self.at_second, n)) for n in AXES]
         return (*points, *[crossed(g, AXES[i], k, self.attitude[j]) for i, j in TURNS])
 

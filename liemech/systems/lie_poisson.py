@@ -218,7 +218,6 @@ class LiePoissonSystem(LiePoissonMotion):
     @property
     @closed_form_of("displaced")
     def lie_poisson(self) -> LiePoissonSystem:
-        """The Lie-Poisson system of the motion, which is this one."""
         return self
 
     @cached_property

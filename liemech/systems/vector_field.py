@@ -230,7 +230,6 @@ class SplitField(OfParts, VectorField):
 
     @final
     def in_turn(self, state: PoissonState, turns: list[tuple[int, float]]) -> PoissonState:
-        """The motions of parts one after the other."""
         y = state.y
         for number, t in turns:
             part = self.parts[number]

@@ -66,7 +66,6 @@ class GroupInUnits(SameElements):
 
     @cached_property
     def algebra(self) -> AlgebraInUnits:
-        """The algebra of the group with these generators."""
         return AlgebraInUnits(self.group.algebra, self.units)
 
     def _element(self, name: str, elements: Any, vectors: Any) -> Element:

@@ -152,7 +152,6 @@ class Number(Operand, StandIn):
         return self
 
     def elementary(self, name: str, *x: Any) -> Any:
-        """The value of the elementary function of this name."""
         if name == "copysign":
             return abs(x[0]) if x[1] > 0.0 else -abs(x[0])
         values = [values_of(y) for y in x]

@@ -160,12 +160,10 @@ class OneOf(GroupOfParts):
         return None
 
     def defect(self, g: Ambient) -> float:
-        """The defect of the invariants of the site's kind."""
         kinds = self.kinds
         return chosen(self.those.which, kinds, lambda k: kinds[k].defect(self.element(k, g)))
 
     def scale(self, g: Element | None) -> Vec:
-        """The sizes of shifts, as the site's kind measures them."""
         if g is not None:
             return self._vector("scale", (g,), ())
         kinds = self.kinds

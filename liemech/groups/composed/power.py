@@ -103,7 +103,6 @@ class PowerGroup(DirectProduct):
         return None if base is None else PowerGroup(base, self.copies)
 
     def why_no_cayley(self) -> str | None:
-        """The reason why the base has no Cayley map, or None."""
         return self.base.why_no_cayley()
 
     @property
@@ -119,7 +118,6 @@ class PowerGroup(DirectProduct):
 
     @cached_property
     def places(self) -> tuple[tuple[int, int], ...]:
-        """Where the entries of each copy's element begin and end."""
         return tuple([(self.width * i, self.width * (i + 1)) for i in range(self.copies)])
 
     @cached_property
@@ -187,7 +185,6 @@ class PowerGroup(DirectProduct):
         return self.dim > WRITTEN_OUT
 
     def objection(self, g: np.ndarray) -> str | None:
-        """The objection of the first site that has one."""
         elements = self.by_site(np.asarray(g), "Element")
         outside = np.flatnonzero(~np.atleast_1d(self.base.contains(elements)))
         return f"at site {outside[0]} {self.base.objection(elements[outside[0]])}" if len(outside) else None

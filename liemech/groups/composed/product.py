@@ -44,7 +44,6 @@ class DirectSum(AlgebraOfParts):
         return _stacked([getattr(f, name)(x, q, m) for f, x, q, m in shares])
 
     def is_exp_chart(self, xi: Vec) -> bool:
-        """Whether each part of xi lies in its factor's chart."""
         inside = True
         for factor, x in zip(self.factors, self.parts(xi)):
             inside = inside and factor.is_exp_chart(x)
@@ -152,7 +151,6 @@ class DirectProduct(GroupOfParts):
         return None if None in invariants else tuple(x for of_factor in invariants for x in of_factor or ())
 
     def scale(self, g: Element | None) -> Vec:
-        """The scales of the factors."""
         if g is None:
             return joined([factor.scale(None) for factor in self.factors])
         return self._vector("scale", (g,), ())
@@ -178,7 +176,6 @@ class DirectProduct(GroupOfParts):
         return worst
 
     def objection(self, g: np.ndarray) -> str | None:
-        """The objection of the first factor that has one."""
         for number, (factor, a) in enumerate(zip(self.factors, self._elements(small(g)), strict=True), 1):
             reason = factor.objection(np.array(a))
             if reason:

@@ -27,7 +27,6 @@ class SameElements(GroupOfParts):
         return getattr(self.group, name)(*elements, *vectors)
 
     def why_no_cayley(self) -> str | None:
-        """The reason why the group has no Cayley map, or None."""
         return self.group.why_no_cayley()
 
     def defect(self, g: Ambient) -> float:

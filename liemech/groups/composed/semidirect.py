@@ -94,7 +94,6 @@ class SemidirectAlgebra(LieAlgebra):
         return vec(*self.acting.dexp_inv_dual(w, m - c), *q)
 
     def is_exp_chart(self, xi: Vec) -> bool:
-        """Whether xi's part lies in the chart of the group."""
         return self.acting.is_exp_chart(self.parts(xi)[0])
 
     def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
@@ -291,7 +290,6 @@ class SemidirectProduct(DirectProduct):
     # ---------------------------------------------------------------- Cayley map
 
     def why_no_cayley(self) -> str | None:
-        """The reason why the action has no Cayley map, or None."""
         return self.action.why_no_cayley()
 
     def cayley(self, xi: Vec) -> Element:

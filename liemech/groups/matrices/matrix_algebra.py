@@ -53,7 +53,6 @@ class MatrixLieAlgebra(LieAlgebra):
 
     @cached_property
     def dim(self) -> int:
-        """The dimension, which is the number of generators."""
         return self.generated.dim
 
     @cached_property
@@ -241,7 +240,6 @@ class MatrixLieAlgebra(LieAlgebra):
         return np.where(np.abs(matrices) <= 1e-13 * np.abs(matrices).max(), 0.0, matrices)
 
     def ad_matrix(self, xi: Vec) -> Mat:
-        """The matrix of ad_xi, from the structure constants."""
         terms, dim = self.generated.ad_star_terms, self.dim
         rows = [[[scaled(c, xi[i]) for c, i, k in terms[j] if k == m] for m in range(dim)] for j in range(dim)]
         return mat(*[vec(*[_sum(entry) for entry in row]) for row in rows]).T

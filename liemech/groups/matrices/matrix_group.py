@@ -420,7 +420,6 @@ class GeneratedGroup(MatrixLieGroup):
 
     @property
     def generators(self) -> np.ndarray:
-        """The matrices E_i by which the group was given."""
         return self.matrices.array
 
     def __repr__(self) -> str:

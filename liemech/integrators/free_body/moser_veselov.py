@@ -45,7 +45,6 @@ class MoserVeselov(Implicit):
     name = "Moser-Veselov"
 
     def require(self, system: Any) -> None:
-        """Refuse systems that are no free rigid body."""
         super().require(system)
         require_free_body(self, system)
 

@@ -206,7 +206,6 @@ class LinkedBodies(System):
         return self.on_all is not None and self.on_all.load is not None
 
     def displaced(self, retraction: Any, state: BodyState, omega: Vec) -> BodyState:
-        """The state of a free body, displaced."""
         mu = retraction.tau_Ad_star(self.group, omega, state.mu)
         return BodyState(mu, retraction.compose_tau(self.group, state.g, omega))
 

@@ -297,7 +297,6 @@ class LinksRun(SiteRun):
         return self.samples.t, flat(self.states(self.samples.rows), self.samples.made)
 
     def _why(self, failures: list[Any], first: int, again: Any) -> Any:
-        """The reason for which a step failed, and at which joint."""
         if failures and not isinstance(failures[-1], NoConvergence):
             return failures[-1]
         system: Any = self.plan._one

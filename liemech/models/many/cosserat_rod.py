@@ -161,7 +161,6 @@ class CosseratRod(FieldInCells):
     retraction: Retraction = Exponential()
 
     def _check(self) -> None:
-        """Raise InvalidInput or InvalidType for what is no rod."""
         name = type(self).__name__
         require(
             f"{name}: section", self.section, RodSection, "a RodSection, such as RodSection.round(0.01, 1e6, 1000.0)"
@@ -226,7 +225,6 @@ class CosseratRod(FieldInCells):
         return clamped, hinged
 
     def others(self) -> tuple[list[Any], Any]:
-        """Weights and dead forces, and the load."""
         pull, M, w = self.loads
         load = None
         if self.damping or w.any() or M.any():

@@ -38,7 +38,6 @@ class EffectorFields(Potential):
     wheels: int
 
     def energy(self, g: Vec) -> float:
-        """The sum of their energies."""
         place, total = self._at(g), 0.0
         for effector in self.effectors:
             total = total + effector.energy(place)
@@ -77,7 +76,6 @@ class EffectorLoads(Force):
     inertia: Vec | Mat
 
     def covector(self, t: float, xi: Vec, g: Any) -> Vec:
-        """Torques, forces, torques on the wheels."""
         x, R = vec(g[9], g[10], g[11]), mat(g[0:3], g[3:6], g[6:9])
         speeds = None if self.wheels is None else xi[6:]
         flight = Flight(t, x, xi[3:6], R, xi[0:3], speeds, self.mass, self.inertia)

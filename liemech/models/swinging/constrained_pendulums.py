@@ -185,7 +185,6 @@ class ChainPendulum(SeparableConstrainedSystem):
         return {"mu": mu, "g": g}
 
     def as_users_see(self, arrays: dict[str, Any]) -> dict[str, Any]:
-        """The inverse of `by_site`: positions and momenta from poses."""
         if "g" not in arrays:
             return arrays
         mu, g, count = arrays["mu"], arrays["g"], len(self.masses)

@@ -131,7 +131,6 @@ class SplitConstrainedSystem(OfParts, ConstrainedSystem):
 
     @final
     def in_turn(self, state: CanonicalState, turns: list[tuple[int, float]]) -> CanonicalState:
-        """The motions of parts one after the other."""
         start = plain(state)
         q, p = start.q, start.p
         for number, t in turns:

@@ -42,7 +42,6 @@ class OnConstraints(Method):
     symplectic: ClassVar[bool] = True
 
     def require(self, system: Any) -> None:
-        """Raise IncompatibleSystem unless the system is a ConstrainedSystem."""
         if not isinstance(system, ConstrainedSystem):
             raise IncompatibleSystem(
                 f"{self!r} needs a ConstrainedSystem, an energy and equations g(q) = 0; got "

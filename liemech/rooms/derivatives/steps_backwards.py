@@ -302,7 +302,6 @@ class BondTurn(Symplectic):
         return turned_by(self.method, system.group, int(part.begin), part.t, part.h, state)
 
     def inverse(self, part: StepPart) -> StepPart:
-        """The turn by the same energy for the time -h."""
         return with_fields(part, h=-part.h)
 
 

@@ -142,7 +142,6 @@ class StepsOfARun(Wrapping):
     lengths: Any  # a table of the lengths of steps
 
     def step(self, system: Any, t: float, memory: Any, h: float) -> Any:
-        """Step number t of the run."""
         n = int(t)
         return self.method.step(system, entry(self.begun, n), memory, entry(self.lengths, n))
 

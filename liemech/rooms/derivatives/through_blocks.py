@@ -75,7 +75,6 @@ class NumberedByTime(Wrapping):
     t0: float
 
     def step(self, system: Any, t: float, memory: Any, h: float) -> Any:
-        """The step of this time."""
         number = float(round((t - self.t0) / h))
         return self.method.step(system, t, with_fields(memory, number=0.0 * memory.number + number), h)
 

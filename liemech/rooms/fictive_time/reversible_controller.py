@@ -105,7 +105,6 @@ class ReversibleController(Method):
         return Controlled(type(state), memory, state.time, state.z, rate)
 
     def observe(self, memory: Controlled) -> Any:
-        """The state with its time and z."""
         inner = self.method.observe(memory.inner)
         return memory.kind(*[getattr(inner, name) for name in memory.kind.names], memory.time, memory.z)
 

@@ -145,7 +145,6 @@ class SundmanTransformed(InFictiveTime):
 
     @final
     def variation(self, state: Any, omega: Vec) -> tuple[Vec, Vec]:
-        """The variation of the system, and that of the time."""
         n = self.system.group.dim
         change, large = self.system.variation(state.without_clock(), omega[:n])
         return vec(*change, omega[n]), vec(*large, abs(state.time))

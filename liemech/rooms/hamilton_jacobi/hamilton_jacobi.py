@@ -79,7 +79,6 @@ class HamiltonJacobi(Method):
 
     @property
     def name(self) -> str:
-        """The method, its order and its kind."""
         kind = "" if self.kind == "qP" else f" ({self.kind[0]}, {self.kind[1]})"
         return f"Hamilton-Jacobi {self.order}{kind}{', adjoint' if self.adjoint else ''}"
 

@@ -53,7 +53,6 @@ class Dissipative(System):
 
     @property
     def is_large(self) -> bool:
-        """Whether the group is large, as for the system without damping."""
         return self.system.is_large
 
     def energy(self, mu: Vec) -> float:

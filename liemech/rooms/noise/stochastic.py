@@ -217,7 +217,6 @@ class Stochastic(LiePoissonMotion):
     def displaced(  # type: ignore[override]
         self, retraction: Retraction, state: NoisyState, omega: Vec
     ) -> NoisyState:
-        """Momentum and attitude moved by the same displacement."""
         body = self.motion.displaced(retraction, BodyState(state.mu, state.g), omega)
         return NoisyState(body.mu, body.g, state.path)
 

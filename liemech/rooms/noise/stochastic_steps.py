@@ -95,7 +95,6 @@ class NoisySteps(Method):
         return NoisyMemory(inner, state.path, 0.0)
 
     def observe(self, memory: NoisyMemory) -> NoisyState:
-        """The state in the memory, with its path."""
         state: Any = self.method.observe(memory.memory)
         return NoisyState(state.mu, state.g, memory.path)
 
@@ -154,7 +153,6 @@ class WongZakai(NoisySteps):
 
     @property
     def name(self) -> str:
-        """The name: Wong-Zakai, and the method's."""
         return f"Wong-Zakai, {self.method.name}"
 
     def moved(self, system: Stochastic, t: float, memory: Any, h: float, z: Vec, coin: float) -> Any:
@@ -191,7 +189,6 @@ class NinomiyaVictoir(NoisySteps):
 
     @property
     def name(self) -> str:
-        """The name: Ninomiya-Victoir, and the method's."""
         return f"Ninomiya-Victoir, {self.method.name}"
 
     def moved(self, system: Stochastic, t: float, memory: Any, h: float, z: Vec, coin: float) -> Any:

@@ -46,7 +46,6 @@ class DiscreteGradient(Method):
             raise InvalidInput(f"DiscreteGradient: nodes from 1 to 8; got {self.nodes!r}")
 
     def require(self, system: Any) -> None:
-        """Raise IncompatibleSystem unless the system is Metriplectic."""
         super().require(system)
         if not isinstance(system, Metriplectic):
             raise IncompatibleSystem(

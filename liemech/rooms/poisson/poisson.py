@@ -109,7 +109,6 @@ class PoissonSystem(OfParts, VectorField):
 
     @final
     def in_turn(self, state: PoissonState, turns: list[tuple[int, float]]) -> PoissonState:
-        """The motions of parts one after the other."""
         y = state.y
         parts: Any = self.parts
         for part, t in turns:

@@ -162,7 +162,6 @@ class Sites(OnSites):
         return ("g",)
 
     def legend(self, motion: Motion) -> list[dict[str, Any]]:
-        """The axes of the bodies."""
         boxes = self._atoms(motion.system) is None and is_pose(base_of(motion.system))
         return axes_legend() if boxes else []
 

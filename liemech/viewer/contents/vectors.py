@@ -70,7 +70,6 @@ class Momentum(Content):
         return _turning(self, system)
 
     def reach(self, motion: Motion) -> Array:
-        """A ball as large as the largest momentum."""
         return (np.linalg.norm(motion["mu"], axis=-1).max() or 1.0) * UNITS
 
     def legend(self, motion: Motion) -> list[dict[str, Any]]:

@@ -109,7 +109,6 @@ class ChainRun(SiteRun):
         return planes
 
     def _why(self, failures: list[Any], first: int, again: Any) -> Any:
-        """The reason for which a step failed, and at which site."""
         failure = failures[-1] if failures else None
         if not isinstance(failure, (NoConvergence, OutsideChart, NoneType)):
             return failure

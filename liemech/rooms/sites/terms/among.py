@@ -52,7 +52,6 @@ class Among(Graph):
 
     @property
     def sites(self) -> int:
-        """The number of sites of all species."""
         return int(self.every)
 
     @property

@@ -72,7 +72,6 @@ class NearPairs(Term):
         return self._whole(group, ends[k], s, whole, push if k == 0 else -push)
 
     def forces(self, group: Any, *sites: Any) -> tuple[Vec, ...]:
-        """The forces on both sites."""
         site, image = sites[0], self.image(*sites)
         s, push = self._pushed(site, image)
         first, second = self.term.forces(group, site, image)

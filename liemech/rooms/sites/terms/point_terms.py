@@ -51,12 +51,10 @@ class PointTerm(Term):
         return self.between(self.points(a.g), self.points(b.g))
 
     def force(self, group: Any, k: int, *sites: Any) -> Vec:
-        """The force on site number k."""
         a, b = sites
         return self.felt(group, sites[k].g, self.pushes(self.points(a.g), self.points(b.g))[k])
 
     def forces(self, group: Any, *sites: Any) -> tuple[Any, ...]:
-        """The forces on both sites, by their points."""
         a, b = sites
         first, second = self.pushes(self.points(a.g), self.points(b.g))
         return self.felt(group, a.g, first), self.felt(group, b.g, second)

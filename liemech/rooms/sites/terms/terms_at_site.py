@@ -406,11 +406,9 @@ class PotentialOfSite(TermsOfSite, Potential):
     __repr__ = TermsOfSite.__repr__
 
     def energy(self, g: Element) -> float:
-        """The share of this site.  g : its element."""
         return self.share(None, g)
 
     def force(self, group: LieGroup, g: Element) -> Vec:
-        """The force on this site.  g : its element."""
         return self.moving(self._free(group, g))
 
     def _free(self, group: LieGroup, g: Element) -> Vec:
