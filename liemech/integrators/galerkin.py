@@ -20,12 +20,8 @@ from ..tableaus.collocation import gauss
 from ..tableaus.trees import Row
 from .implicit import Implicit
 from .memory import Memory, extrapolated
-from .orders import require_order
 from .rkmk import combination
 from .variational import with_inertia
-
-ORDERS = 2, 4, 6, 8
-"""Twice the number of nodes."""
 
 TINY = 2.0**-1020
 """Products of velocity and momentum below this, or beyond its inverse, lose digits."""
@@ -63,12 +59,9 @@ class GalerkinVariational(Implicit):
     writes_out: ClassVar[bool] = True
     symplectic: ClassVar[bool] = True
 
+    orders: ClassVar[tuple[int, ...]] = 2, 4, 6, 8  # twice the number of nodes
     order: int = 4
     retraction: Retraction = Exponential()
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_order(self, ORDERS)
 
     @property
     def symmetric(self) -> bool:  # type: ignore[override]

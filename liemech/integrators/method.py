@@ -10,6 +10,7 @@ from ..formulas.classes.records import fields_of
 from ..formulas.numbers.bases import InMemory
 from ..groups.retractions import Retraction
 from ..systems.system import State, System, lies_in_memory
+from .orders import require_order
 
 
 @record
@@ -31,6 +32,7 @@ class Method(Record):
     # if symplectic: on coadjoint orbits alone, and not on T*G, where the elements move too?
     of_momenta: ClassVar[bool] = False
     needs: ClassVar[tuple[str, ...]] = ()
+    orders: ClassVar[tuple[int, ...]] = ()  # between which `order` chooses; (): it is no choice among few
     # are its steps those of a fictive time, and is physical time carried along?
     fictive: ClassVar[bool] = False
     # does a trial make its step as long as the tolerance allows, so that none is too long?
@@ -50,6 +52,8 @@ class Method(Record):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.orders:
+            require_order(self, self.orders)
         for name, field in fields_of(self).items():
             if name == "retraction" and not isinstance(field, Retraction):
                 raise InvalidType(

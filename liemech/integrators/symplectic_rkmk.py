@@ -17,12 +17,8 @@ from ..tableaus.collocation import gauss
 from ..tableaus.trees import Row
 from .implicit import Implicit
 from .memory import Memory, extrapolated
-from .orders import require_order
 from .rkmk import combination
 from .variational import momentum_slope
-
-ORDERS = 2, 4, 6, 8
-"""Twice the number of stages."""
 
 TAU = Exponential()
 """The coordinates of the chart."""
@@ -58,11 +54,8 @@ class SymplecticRKMK(Implicit):
     symplectic: ClassVar[bool] = True
     writes_out: ClassVar[bool] = True
 
+    orders: ClassVar[tuple[int, ...]] = 2, 4, 6, 8  # twice the number of stages
     order: int = 4
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_order(self, ORDERS)
 
     @property
     def name(self) -> str:

@@ -25,11 +25,8 @@ from ...tableaus.trees import Row
 from ..implicit import Implicit
 from ..memory import Memory, continued, extrapolated
 from ..method import Method
-from ..orders import require_order
 from ..rkmk import combination
 from . import isospectral_matrices
-
-ORDERS = (2, 4, 6, 8, 10)
 
 
 @record
@@ -192,10 +189,8 @@ class Isospectral(Implicit):
     symmetric: ClassVar[bool] = True
     symplectic: ClassVar[bool] = True
 
+    orders: ClassVar[tuple[int, ...]] = 2, 4, 6, 8, 10
     order: int = 4
-
-    def __post_init__(self) -> None:
-        require_order(self, ORDERS)
 
     @functools.cached_property
     def tableau(self) -> tuple[tuple[Row, ...], Row]:

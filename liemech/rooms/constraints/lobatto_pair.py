@@ -8,7 +8,6 @@ from typing import Any, ClassVar
 from ...formulas import Mat, Vec, dot, mat, norm, plain, record, sqrt, vec, vectors
 from ...formulas.numbers.sizes import magnitudes, one_norms
 from ...groups.representations import squares
-from ...integrators.orders import require_order
 from ...integrators.rkmk import combination
 from ...solvers import fixed_point
 from ...systems.canonical import CanonicalState
@@ -16,8 +15,6 @@ from ...tableaus.collocation import lobatto_iiia, lobatto_iiib
 from ...tableaus.trees import Row
 from .constrained import eliminated
 from .on_constraints import OnConstraints
-
-ORDERS = 2, 4, 6, 8
 
 
 @record
@@ -40,11 +37,8 @@ class LobattoPair(OnConstraints):
 
     symmetric: ClassVar[bool] = True
 
+    orders: ClassVar[tuple[int, ...]] = 2, 4, 6, 8
     order: int = 4
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_order(self, ORDERS)
 
     @functools.cached_property
     def tableau(self) -> tuple[tuple[Row, ...], tuple[Row, ...], Row]:

@@ -17,13 +17,10 @@ from ...integrators.implicit import Implicit
 from ...integrators.memory import Memory, extrapolated
 from ...integrators.method import alternatives
 from ...integrators.motion_series import first_kind, velocity_at
-from ...integrators.orders import require_order
 from ...solvers import newton
 from ...systems.lie_poisson import BodyState
 from .class_functions import ClassFunction, InvariantForm, inverse_differential
 from .derivability import require_derivatives
-
-ORDERS = 1, 2, 3, 4
 
 FINER = 2.0**-46
 """The tolerance of Newton's method, whose matrix is that of order 1."""
@@ -64,6 +61,7 @@ class FirstKindHamiltonJacobi(Implicit):
     analytic: ClassVar[bool] = True
     needs: ClassVar[tuple[str, ...]] = ("hamiltonian",)
 
+    orders: ClassVar[tuple[int, ...]] = 1, 2, 3, 4
     order: int = 2
     retraction: Retraction = Exponential()
     s0: ClassFunction = InvariantForm()
@@ -71,7 +69,6 @@ class FirstKindHamiltonJacobi(Implicit):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_order(self, ORDERS)
         require(f"{type(self).__name__}: s0", self.s0, ClassFunction, "InvariantForm(), TraceOfAd() or CayleySquare()")
         scale: Any = self.scale
         if scale is not None:

@@ -13,16 +13,12 @@ from ...groups.rigid.so3 import SO3Algebra
 from ...integrators.implicit import Implicit
 from ...integrators.memory import Memory, extrapolated
 from ...integrators.motion_series import second_kind, velocity_at
-from ...integrators.orders import require_order
 from ...integrators.variational import weight
 from ...solvers import TOLERANCE, newton
 from ...systems.kinetic_energy import has_inertia
 from ...systems.lie_poisson import BodyState, LiePoissonSystem
 from ...systems.system import lies_in_memory
 from .derivability import require_derivatives
-
-ORDERS = 2, 4, 6, 8
-"""The orders of methods with one, two, three or four terms of the generating function."""
 
 FINER = 2.0**-42
 """The tolerance of Newton's method where its matrix is that of order 4: each correction is wrong by
@@ -60,12 +56,9 @@ class LiePoissonHamiltonJacobi(Implicit):
     symplectic: ClassVar[bool] = True
     needs: ClassVar[tuple[str, ...]] = ("hamiltonian",)
 
+    orders: ClassVar[tuple[int, ...]] = 2, 4, 6, 8  # with one, two, three or four terms of the generating function
     order: int = 4
     retraction: Retraction = Exponential()
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_order(self, ORDERS)
 
     @property
     def name(self) -> str:

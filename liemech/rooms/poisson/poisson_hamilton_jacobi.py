@@ -36,13 +36,9 @@ from ...groups.poisson_structure import LogCanonical, PoissonStructure, jacobi_s
 from ...integrators.implicit import Implicit
 from ...integrators.memory import Memory, extrapolated
 from ...integrators.motion_series import begun, series, settle, values
-from ...integrators.orders import require_order
 from ...integrators.taylor import total
 from ...solvers import correction, fixed_point
 from .poisson import POISSON_SYSTEMS, PoissonState
-
-ORDERS = 2, 4, 6, 8
-"""The orders of methods with one, two, three or four terms of the generating function."""
 
 ROUNDING = 2.0**-30
 """A sum below this, relative to its terms, is zero up to the rounding of a formula."""
@@ -77,11 +73,8 @@ class PoissonHamiltonJacobi(Implicit):
     symplectic: ClassVar[bool] = True
     analytic: ClassVar[bool] = True
 
+    orders: ClassVar[tuple[int, ...]] = 2, 4, 6, 8  # with one, two, three or four terms of the generating function
     order: int = 4
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_order(self, ORDERS)
 
     @property
     def name(self) -> str:
