@@ -18,8 +18,9 @@ class Method(Record):
     """A one-step method; subclass it to write your own.
 
     must:     `step`, and the claims `order`, `symmetric`, `symplectic`
-    may:      `needs` and `require`, what systems it accepts; a field `retraction`, which must fit the group;
-              `start`, `observe`, `past`, `resume`, a memory from step to step;
+    may:      `needs` and `require`, what systems it accepts; `orders`, between which a field `order` chooses;
+              a field `retraction`, which must fit the group; `start`, `observe`, `past`, `resume`, a memory
+              from step to step;
               `error_order` with an adaptive `trial`, which may shorten its step (`shortens`), and its dense
               output; `analytic`, steps that are power series in time; `step_warning`; `name`
     follows:  `integrate` and whoever else owns a loop call `start` once and `step` again and again
