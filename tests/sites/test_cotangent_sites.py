@@ -110,7 +110,7 @@ def test_orders_beside_dop853(method: Any) -> None:
     start = started(system, 5)
     end, errors = exact(start, 1.0), []
     for n in (8, 16):
-        run = lm.integrate(system, method, start, h=1.0 / n, steps=n, every=n, progress=False)
+        run = lm.integrate(system, method, start, h=1.0 / n, steps=n, every=n, compiled=True, progress=False)
         errors.append(np.abs(np.concatenate([run.mu[-1], run.g[-1].reshape(-1, 9)], axis=1) - end).max())
     assert abs(np.log2(errors[0] / errors[1]) - method.order) < 0.15
 
@@ -169,7 +169,7 @@ def test_a_site_among_held_ones_is_one_body_written_out(method: Any) -> None:
     """Sites that are held keep momenta and places, and others feel them."""
     system = ring(4, held=[0, 2, 3])
     start = started(system, 4)
-    run = lm.integrate(system, method, start, h=0.1, steps=3, progress=False)
+    run = lm.integrate(system, method, start, h=0.1, steps=3, compiled=True, progress=False)
     mu, g = np.asarray(start.mu), np.asarray(start.g)
     for i in (0, 2, 3):
         assert np.array_equal(run.mu[-1, i], mu[i]) and np.array_equal(run.g[-1, i], g[i])
@@ -197,7 +197,7 @@ def test_bodies_on_a_rocking_base() -> None:
     """Each is a free body, turned back; energies that change with time are not among what is kept."""
     system = lm.DrivenCotangentSites(SO3**4, lm.Terms(OnRockingBase(J)))
     start = started(system, 4)
-    run = lm.integrate(system, lm.SymplecticRKMK(4), start, h=0.02, steps=50, every=50, progress=False)
+    run = lm.integrate(system, lm.SymplecticRKMK(4), start, h=0.02, steps=50, every=50, compiled=True, progress=False)
     base, body = np.asarray(SO3.exp([np.sin(1.0), 0.0, 0.0])), lm.RigidBody(J)
     for i in range(4):
         end = body.exact(body.state(mu=start.mu[i], g=start.g[i]), 1.0)
