@@ -154,9 +154,10 @@ class PoissonHamiltonJacobi(Implicit):
 def mean_by_covector(structure: Any, x: Vec, p: Vec) -> Mat:
     """dx/dp of the mean x of the motion y' = V(y) = B(y) p from a fixed start, to first order in p:
 
-        B/2 + (W + W^T)/12,   W = V' B;  for y = x - V/2 + V' V/12 - ..., and B' V = W - W^T, as V keeps B
+        B/2 + (W + W^T)/12,   W = V' B
 
-    x, p : (n,); (n, n), column by column.
+    as y = x - V/2 + V' V/12 - ..., and DB[V] = W - W^T, since the motion keeps B.  x, p : (n,); (n, n), column by
+    column.
     """
     columns = structure.matrix(x).T
     bent = mat(*[tangent(lambda z: structure.sharp(z, p), x, b, True)[1] for b in columns])
