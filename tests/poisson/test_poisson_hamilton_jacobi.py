@@ -670,3 +670,17 @@ def test_a_domain_that_is_left_is_named(compiled: bool) -> None:
     system = lm.PoissonSystem(lm.structures.Canonical(1), OfHalfPlane())
     with pytest.raises(lm.errors.NoConvergence, match=r"left the domain of a formula.*step h = 0.5 is too large"):
         end(system, 4, [0.3, -3.0], 0.5, compiled=compiled)
+
+
+@lm.record
+class Repelled(lm.Hamiltonian):
+    def energy(self, y: lm.Vec) -> float:
+        return 0.5 * y[1] ** 2 - log(y[0])
+
+
+@pytest.mark.xfail(
+    reason="the derivative of a logarithm has values where it has none: known_deficiencies.md", strict=True
+)
+def test_a_step_to_where_a_logarithm_has_no_value_ends_the_run() -> None:
+    with pytest.raises(lm.errors.IntegrationFailure):
+        end(lm.PoissonSystem(lm.structures.Canonical(1), Repelled()), 4, [0.3, -6.0], 0.2, compiled=False)
