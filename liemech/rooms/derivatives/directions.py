@@ -208,11 +208,13 @@ def parameter_moves(system: Any, name: str) -> list[Any]:
 
 
 def dual_of(thing: Any, slopes: Any = None, still: Any = 0.0) -> Any:
-    """A system or a method in numbers that carry these derivatives; by default zero.
+    """A system or a method in numbers that carry these derivatives, (numbers,) or of several directions (numbers,
+    directions); by default zero.
 
     still : that zero; along several directions a vector.
     """
     layout = layout_of(thing)
     rates = [still] * layout.width if slopes is None else slopes.tolist()
+    rates = [Vec(*x) if isinstance(x, list) else x for x in rates]
     both = zip(leaves(thing, layout), rates, strict=True)
     return build(layout, iter([Dual(x, dx, LEVEL) for x, dx in both]))

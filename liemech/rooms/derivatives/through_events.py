@@ -167,7 +167,7 @@ class RunWithEvents:
             )
         moved = self.leg(self._way(self.method), self.system, t, state, Dual(at - t, 1.0, LEVEL), end)
         value = event(Dual(at, 1.0, LEVEL), moved)
-        rate, mean = slope(value), abs(event(t, state) / (at - t))
+        rate, mean = slopes_of([value], 1).item(), abs(event(t, state) / (at - t))
         if not abs(rate) > GRAZING * mean:
             raise InvalidInput(
                 f"Plan.tangent: {name_of(event)} grazes its zero at t = {at:.10g}, its rate there is {rate:.1e}, on the way "
@@ -186,30 +186,44 @@ class RunWithEvents:
         moves, layout = tangent.T @ frames.basis(self.points(crossing.first))[0], layout_of(state)
         of_method, of_system, _ = directions.places
         rows = directions.slopes
-        systems = [directions.varied.get(k, directions.system) for k in range(len(rows))]
+        # a number carries all directions; those by a table have systems of their own
+        parts = [slice(k, k + 1) for k in range(len(rows))] if directions.varied else [slice(None)]
         pairs = [
-            (self._way(dual_of(directions.method, row[of_method])), dual_of(system, row[of_system]))
-            for system, row in zip(systems, rows)
+            (
+                self._way(dual_of(directions.method, rows[k, of_method].T)),
+                dual_of(directions.varied.get(k.start, directions.system), rows[k, of_system].T),
+            )
+            for k in parts
         ]
-        states, clocks, times = [dual_of(state, move) for move in moves], [Dual(t, 0.0, LEVEL)] * len(rows), []
+        states, times = [dual_of(state, moves[k].T) for k in parts], []  # type: list[Any], list[np.ndarray]
+        clocks = [Dual(t, Vec(*[0.0] * len(rows[k])), LEVEL) for k in parts]
         at_end = None  # where the run ends inside of a step
         for number, at, whole in crossing.zeros:
             event = self.events[number]
             rate = self.rate(event, t, state, at, whole)
             ends = [self.leg(*pair, c, y, at - c, whole) for pair, c, y in zip(pairs, clocks, states)]
-            times.append(np.array([-slope(event(at, y)) / rate for y in ends]))
+            dt = -np.concatenate([slopes_of([event(at, y)], len(rows[k]))[:, 0] for k, y in zip(parts, ends)]) / rate
+            times.append(dt)
             at_end = whole if self.run.ended == number and at == end else None
             if at_end is not None or not isinstance(event, Jump):
                 continue
-            later = [Dual(at, dt, LEVEL) for dt in times[-1].tolist()]
+            later = [Dual(at, Vec(*dt[k].tolist()), LEVEL) for k in parts]
             ends = [self.leg(*pair, c, y, l - c, whole) for pair, c, y, l in zip(pairs, clocks, states, later)]
+            changes = np.concatenate([slopes_of(leaves(y, layout), len(rows[k])) for k, y in zip(parts, ends)])
             before = self.leg(self._way(self.method), self.system, t, state, at - t, whole)
             state, t, clocks = self.behind(event, self.system, at, before), at, later
-            states = [
-                self._jumped(event, system, row[of_system], at, dt, before, frames, split(y, layout)[1])
-                for system, row, dt, y in zip(systems, rows, times[-1].tolist(), ends)
-            ]
-            states = [dual_of(state, x) for x in states]
+            try:
+                behind = np.concatenate([
+                    slopes_of(leaves(event.jump_of(pair[1]).after(l, y), layout), len(rows[k]))
+                    for k, pair, y, l in zip(parts, pairs, ends, later)
+                ])  # fmt: skip
+            except TypeError:  # one that numbers with derivatives do not go through, as `system.state`
+                behind = np.array([
+                    self._jumped(event, directions.varied.get(k, directions.system), rows[k, of_system], at, dt[k], before,
+                                 frames, changes[k])
+                    for k in range(len(rows))
+                ])  # fmt: skip
+            states = [dual_of(state, behind[k].T) for k in parts]
         if crossing.last == crossing.first:
             return tangent, times
         if end != t:
@@ -217,7 +231,7 @@ class RunWithEvents:
         else:  # where the run ends with a jump
             xi = self.system.rate(t, self.system.essential_part(state))
             ends = [self.system.displaced(Exponential(), y, (end - c) * xi) for c, y in zip(clocks, states)]
-        changes = np.array([split(y, layout)[1] for y in ends])
+        changes = np.concatenate([slopes_of(leaves(y, layout), len(rows[k])) for k, y in zip(parts, ends)])
         return frames.components(self.points(crossing.last), changes[None])[0].T, times
 
     def points(self, row: int) -> dict[str, np.ndarray]:
@@ -326,13 +340,7 @@ def tangent_with_events(
     )  # fmt: skip
 
 
-def slope(number: Any) -> float:
-    """The derivative that a number carries."""
-    return float(number.slope) if isinstance(number, Dual) else 0.0
-
-
-def split(state: Any, layout: Any) -> tuple[np.ndarray, np.ndarray]:
-    """The numbers of a state, and the derivatives that they carry.  layout : of the state without them."""
-    both = [(x.value, x.slope) if isinstance(x, Dual) else (x, 0.0) for x in leaves(state, layout)]
-    values, slopes = np.array(both, dtype=float).reshape(-1, 2).T
-    return values, slopes
+def slopes_of(numbers: list[Any], directions: int) -> np.ndarray:
+    """The derivatives that numbers carry along so many directions, (directions, numbers)."""
+    slopes = [x.slope if isinstance(x, Dual) else 0.0 for x in numbers]
+    return np.array([np.broadcast_to(np.array(x, dtype=float), directions) for x in slopes]).T

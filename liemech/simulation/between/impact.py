@@ -11,6 +11,7 @@ import numpy as np
 from ...errors import InvalidInput, require
 from ...formulas import derivative, dot, gradient, vec
 from ...formulas.classes.frozen import frozen
+from ...formulas.numbers.dual import value_of
 from ...systems.cotangent import CotangentMotion
 from .jump import Jump, slope
 
@@ -34,10 +35,8 @@ class Rebound:
         mu, g, group = state.mu, state.g, self.system.configurations
         kind = type(state)
         w = gradient(lambda x: self.gap(t, kind(mu, group.compose_exp(g, x))), vec(*[0.0] * group.dim))
-        xi, mobility = (
-            self.system.rates(t, mu, g)[0],
-            dot(w, derivative(lambda m: self.system.rates(t, m, g)[0], mu, w)),
-        )
+        xi = self.system.rates(t, mu, g)[0]
+        mobility = dot(w, derivative(lambda m: self.system.rates(t, m, g)[0], mu, w))
         if not mobility > 0.0:
             raise InvalidInput(
                 f"impact: gap(t, state) is a function of where the body is, state.g; its derivative is {w!r}"
@@ -45,21 +44,27 @@ class Rebound:
         closing = slope(self.gap, self.system, t, state)
         impulse = -(1.0 + self.restitution) * closing / mobility
 
-        def missed(s: float) -> float:
+        def missed(s: Any) -> Any:
             """How far the rate behind an impulse s w is from the one that is wanted."""
             return dot(w, self.system.rates(t, mu + s * w, g)[0] - xi) + (1.0 + self.restitution) * closing
 
         if abs(missed(impulse)) > ROUNDING * (abs(closing) + sum([abs(a * b) for a, b in zip(w, xi)])):
-            impulse = self._solved(missed, impulse)
-        return self.system.state(mu=mu + impulse * w, g=g)
+            impulse = self._solved(missed, value_of(impulse))
+        return kind(mu + impulse * w, g)
 
-    def _solved(self, missed: Callable[[float], float], guess: float) -> float:
-        """The impulse of an energy that is not quadratic in momenta, from that of the quadratic one."""
+    def _solved(self, missed: Callable[[Any], Any], guess: float) -> Any:
+        """The impulse of an energy that is not quadratic in momenta, from that of the quadratic one; a step of Newton's
+        method gives it the derivatives that numbers carry.
+        """
         from scipy.optimize import brentq
 
+        def value(s: float) -> float:
+            return float(value_of(missed(s)))
+
         for _ in range(DOUBLINGS):
-            if missed(guess) * missed(0.0) <= 0.0:
-                return float(brentq(missed, 0.0, guess, xtol=np.finfo(float).tiny, rtol=4.0 * np.finfo(float).eps))
+            if value(guess) * value(0.0) <= 0.0:
+                s = float(brentq(value, 0.0, guess, xtol=np.finfo(float).tiny, rtol=4.0 * np.finfo(float).eps))
+                return s - missed(s) / value_of(derivative(missed, s))
             guess = 2.0 * guess
         raise InvalidInput("impact: no impulse turns the velocity back: the energy is to be convex in the momentum")
 

@@ -9,6 +9,7 @@ from typing import Any
 from ...errors import InvalidInput, InvalidType
 from ...formulas.classes.frozen import frozen
 from ...formulas.derivatives import derivative
+from ...formulas.numbers.dual import Dual
 from ...groups.retractions import Exponential
 from ...systems.system import State
 
@@ -62,12 +63,12 @@ class Jump:
         return new
 
 
-def slope(event: Any, system: Any, t: float, state: Any) -> float:
+def slope(event: Any, system: Any, t: float, state: Any) -> Any:
     """The rate dw/dt of an event along the motion.  Raises InvalidInput for one without a derivative."""
     xi = system.rate(t, system.essential_part(state))
     try:
         rate = derivative(lambda s: event(t + s, system.displaced(Exponential(), state, s * xi)), 0.0)
-        return float(rate)
+        return rate if isinstance(rate, Dual) else float(rate)
     except (TypeError, AttributeError) as error:
         raise InvalidInput(
             "Jump: when(t, state) is to be a formula that numbers with derivatives go through, which says to which side "
