@@ -99,8 +99,8 @@ class InertiaWarning(UserWarning):
 
 
 class OrderWarning(UserWarning):
-    """A method is of lower order than its coefficients are: as it was told to be, or at jumps of an
-    input.
+    """A method is of lower order than its coefficients are: as it was told to be, at jumps of an input, or from a start
+    that the ends of a field do not allow.
     """
 
 

@@ -404,6 +404,43 @@ def test_where_there_is_none_it_says_so() -> None:
 
 
 @lm.record
+class Beads(lm.HamiltonianSystem):
+    """Two beads in the plane on a chain of two springs of length 1 from the origin."""
+
+    degrees: ClassVar[int] = 4
+    k: float
+
+    def energy(self, q: Any, p: Any) -> Any:
+        first = lm.formulas.sqrt(q[0] * q[0] + q[1] * q[1]) - 1.0
+        second = lm.formulas.sqrt((q[2] - q[0]) * (q[2] - q[0]) + (q[3] - q[1]) * (q[3] - q[1])) - 1.0
+        return 0.5 * lm.dot(p, p) + 0.5 * self.k * (first * first + second * second)
+
+
+def test_a_chain_turns_stretched() -> None:
+    """w^2 r_1 = k (a - b), w^2 r_2 = k b with stretches a, b; along the chain and across it the frame that turns couples
+    k [[2, -1], [-1, 1]] - w^2 and [[T_1/r_1 + T_2/l, -T_2/l], [-T_2/l, T_2/l]] - w^2 by 2 w.
+    """
+    k, w = 5.0, 0.8
+    a, b = np.linalg.solve([[w * w - k, k], [w * w, w * w - k]], [-w * w, -2.0 * w * w])
+    r, l = np.array([1.0 + a, 2.0 + a + b]), 1.0 + b
+    found = lm.relative_equilibrium(
+        Beads(k), Beads(k).state(q=[r[0], 0.02, r[1], -0.03], p=[0.0, w * r[0], 0.0, w * r[1]])
+    )
+    assert np.linalg.norm(np.reshape(found.state.q, (2, 2)), axis=1) == pytest.approx(r, rel=1e-3)
+    J = found.state.q[0] * found.state.p[1] - found.state.q[1] * found.state.p[0]
+    J += found.state.q[2] * found.state.p[3] - found.state.q[3] * found.state.p[2]
+    w = J / np.sum(np.reshape(found.state.q, (2, 2)) ** 2)
+    a, b = np.linalg.solve([[w * w - k, k], [w * w, w * w - k]], [-w * w, -2.0 * w * w])
+    r, l = np.array([1.0 + a, 2.0 + a + b]), 1.0 + b
+    along = k * np.array([[2.0, -1.0], [-1.0, 1.0]]) - w * w * np.eye(2)
+    across = np.array([[k * a / r[0] + k * b / l, -k * b / l], [-k * b / l, k * b / l]]) - w * w * np.eye(2)
+    zero, turn = np.zeros((2, 2)), 2.0 * w * np.eye(2)
+    motion = np.block([[np.zeros((4, 4)), np.eye(4)], [-along, zero, zero, turn], [zero, -across, -turn, zero]])
+    frequencies = np.sort(np.linalg.eigvals(motion).imag)[-3:]
+    assert found.frequencies == pytest.approx(frequencies, rel=1e-9) and found.verdict == "stable"
+
+
+@lm.record
 class InnermostOrbit(lm.SeparableSystem):
     """A point in the plane, V = -1/r - b/r^3: circular orbits at r^2 - J^2 r + 3 b = 0, two for J^4 > 12 b, none below."""
 
