@@ -9,6 +9,7 @@ from ..joints.linkage import Linkage
 from ..joints.rolling import Blade, Rolling
 from ..models.bodies.gravity import FixedPointGravity, UniformGravity
 from ..models.bodies.heavy_top import HeavyTop, ReducedHeavyTop
+from ..models.lattices.magnetic_sphere import MagneticSphere
 from ..models.lattices.zeitlin_sphere import ZeitlinSphere
 from ..models.many.cosserat_rod import CosseratRod
 from ..models.many.sites import base_of, is_place, is_spin
@@ -42,6 +43,7 @@ KNOWN: dict[str, type[Content]] = {
 
 SUITED: dict[type[System], tuple[type[Content], ...]] = {
     ZeitlinSphere: (Field,),
+    MagneticSphere: (Field,),
     CosseratRod: (Rod,),
     Linkage: (Links,),
     HeavyTop: (Body, Vertical),

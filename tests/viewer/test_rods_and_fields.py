@@ -113,6 +113,19 @@ def test_colours_are_the_vorticity() -> None:
     assert scale["ends"][1] == f"+{most:.2g}/s"
 
 
+def test_of_a_magnetic_sphere_it_is_the_potential() -> None:
+    """A = z and then -z, whatever the vorticity."""
+    sphere = lm.models.MagneticSphere(16)
+    mu = [sphere.from_harmonics({(2, 1): a}, {(1, 0): b}).mu for a, b in ((0.3, 1.0), (-0.7, -1.0))]
+    scene = Scene(Motion(sphere, [0.0, 1.0], {"mu": np.array(mu)}))
+    (panel,) = scene.panels()
+    tones = panel.nodes["panel 1/run 1/field"].moving["tones"].reshape(2, 121, 241)
+    z = np.sin(np.linspace(0.5 * np.pi, -0.5 * np.pi, 121))
+    assert np.ptp(tones, axis=2).max() < 1e-12 and (tones[0] == -tones[1]).all()
+    assert np.corrcoef(tones[0, :, 0], z)[0, 1] > 0.999
+    assert scene.legend()[0]["name"] == "magnetic potential"
+
+
 def test_a_long_film_stays_small() -> None:
     motion = zonal()
     many = Motion(motion.system, np.arange(900.0), {"mu": np.tile(motion["mu"][:1], (900, 1))})

@@ -52,7 +52,7 @@ class Jump:
         """The jump of a body of this system."""
         return self
 
-    def after(self, t: float, state: Any) -> Any:
+    def after(self, t: Any, state: Any) -> Any:
         """The state y+, as `then` gives it.  Raises InvalidType for what is no state."""
         new = self.then(t, state)
         if not isinstance(new, State):
