@@ -415,7 +415,5 @@ def test_what_is_no_jump_is_refused() -> None:
     ):
         with pytest.raises(lm.errors.InvalidInput, match="no Jump would be made"):
             call()
-    with pytest.raises(lm.errors.InvalidInput, match="events"):
-        plan.tangent(start, steps=2)
     with pytest.raises(lm.errors.IncompatibleSystem, match="double-double"):
         lm.Plan(BALL, lm.StormerVerlet(), h=0.1, events=BOUNCE, precision="double-double")
