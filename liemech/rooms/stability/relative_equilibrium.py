@@ -133,7 +133,7 @@ def relative_equilibrium(system: Any, guess: Any) -> RelativeEquilibrium:
     the symmetries move to are equilibria too.  Returns a RelativeEquilibrium, with its frequencies and a verdict.
     Raises IncompatibleSystem for other systems, InvalidInput for units in which squares leave the range of numbers,
     NoConvergence if there is no relative equilibrium of these momenta near the guess.  Warns where a fold, at which two of
-    them merge, lies between the guess and what was found.
+    them merge, may lie between the guess and what was found.
 
     Source: Simo, Lewis, Marsden, Stability of relative equilibria, part I, Arch. Rational Mech. Anal. 115 (1991).
     """
@@ -148,24 +148,27 @@ def relative_equilibrium(system: Any, guess: Any) -> RelativeEquilibrium:
     near.require_autonomous("relative_equilibrium", sizes)
     conserved, changes = kept_momenta(near, sizes)
     moving = changing(near, sizes, conserved, changes)
-    before = _with_motion_near(near, sizes, conserved, moving, _weights(near, sizes, moving), True).squares
+    w = _weights(near, sizes, moving, slice(near.dim))  # by the velocity: forces are what is out of balance
+    before = _with_motion_near(near, sizes, conserved, moving, w, True).squares
     near, w = _critical_point(near, sizes, conserved, changes)
     steady = _with_motion_near(near, near.sizes(sizes), conserved, changing(near, sizes, conserved, changes), w)
     after = steady.squares
     if before and after and sum(before) == sum(after) and (before[1] - after[1]) % 2:
         warn(
             f"relative_equilibrium: the augmented energy has {before[1]} negative squares at the guess and {after[1]} at what "
-            "was found: between them lies a fold, where two relative equilibria merge, and this may be the other one. Follow "
+            "was found: between them may lie a fold, where two relative equilibria merge, and this be the other one. Follow "
             "one that you know, in small steps of its momenta",
             RuntimeWarning,
         )
     return steady
 
 
-def _weights(near: NearState, sizes: np.ndarray, moving: np.ndarray) -> np.ndarray:
-    """The weights of momenta by which the motion is along the symmetries as nearly as it can be."""
-    along = _generated(near, moving) / sizes[:, None]
-    return np.asarray(np.linalg.lstsq(along, np.asarray(near.field(near.here)) / sizes)[0])
+def _weights(near: NearState, sizes: np.ndarray, moving: np.ndarray, rows: slice = slice(None)) -> np.ndarray:
+    """The weights of momenta by which the motion is along the symmetries as nearly as it can be.  rows : those of (v, mu')
+    that count.
+    """
+    along, velocity = _generated(near, moving) / sizes[:, None], np.asarray(near.field(near.here)) / sizes
+    return np.asarray(np.linalg.lstsq(along[rows], velocity[rows])[0])
 
 
 def _critical_point(
