@@ -38,6 +38,16 @@ def test_saddles_have_the_exponents_of_their_map() -> None:
     assert whole.megno[-1] == pytest.approx(0.7 * 100.0, rel=0.05)
 
 
+def test_an_equilibrium_has_the_exponents_of_its_saddle() -> None:
+    """An upright pendulum at rest, whose momentum is rounding: 2 asinh(w h/2)/h of the steps, w = sqrt(g/l)."""
+    pendulum, h = lm.models.Pendulum(), 0.02
+    plan, upright = lm.Plan(pendulum, lm.StormerVerlet(), h=h, compiled=False), pendulum.state([np.pi], [0.0])
+    half, whole = (lm.lyapunov(plan, upright, steps=n, exponents=2) for n in (50, 100))
+    rate = 2.0 / h * np.arcsinh(0.5 * h * np.sqrt(pendulum.gravity / pendulum.length))
+    np.testing.assert_allclose(2.0 * whole.exponents - half.exponents, [rate, -rate], rtol=1e-4)
+    assert whole.exponents == pytest.approx([rate, -rate], rel=0.05)
+
+
 G = np.asarray(lm.SO3().exp([0.3, -0.4, 0.5]))
 
 

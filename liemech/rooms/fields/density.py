@@ -62,8 +62,8 @@ class StrainEnergy(Hamiltonian, Lagrangian):
         return self.stiffness
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        rest: Any = self.rest
-        return np.shape(rest.values if isinstance(rest, Each) else rest)[-1:] if kind == "Vec" else None
+        strain: Any = self.rest
+        return np.shape(strain.values if isinstance(strain, Each) else strain)[-1:] if kind == "Vec" else None
 
 
 @record

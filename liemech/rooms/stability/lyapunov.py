@@ -15,6 +15,7 @@ structure of multi-dimensional systems by means of the mean exponential growth f
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ import numpy as np
 from ...errors import IncompatibleSystem, InvalidInput
 from ...formulas.classes.frozen import frozen
 from ...simulation import arguments
-from .near_a_state import largest_of_blocks
+from .near_a_state import FAINT, largest_of_blocks, states_near
 from .symmetries import nonzero
 
 STEPS_AT_ONCE = 100
@@ -126,13 +127,19 @@ def _pieces(plan: Any, steps: int | None, t_end: float | None) -> list[dict[str,
 
 def _sizes(system: Any, run: Any, start: Any) -> np.ndarray:
     """The sizes of the components of a state along a run: by parts, in those of one unit, the largest number, and where
-    elements are the displacements that count as large.
+    elements are the displacements that count as large.  What is faint, as momenta at an equilibrium, has the size that
+    counts near the start.
     """
-    sizes = []
+    sizes = {}
     group = getattr(system, "configurations", system.group)
     for name in start.arrays:
         samples = np.asarray(getattr(run, name))
         numbers = np.abs(group._scales(samples) if name == "g" else samples.reshape(len(samples), -1)).max(axis=0)
         blocks = group.unit_blocks if len(numbers) == sum(group.unit_blocks) else (len(numbers),)
-        sizes.append(np.repeat(nonzero(largest_of_blocks(numbers, blocks)), blocks))
-    return np.concatenate(sizes)
+        sizes[name] = np.repeat(nonzero(largest_of_blocks(numbers, blocks)), blocks)
+    with suppress(IncompatibleSystem):
+        place, momentum = np.split(states_near("lyapunov", system, start).sizes(), 2)
+        for name, near in {"q": place, "g": place, "p": momentum, "mu": momentum}.items():
+            if name in sizes:
+                sizes[name] = np.where(sizes[name] > FAINT * near, sizes[name], near)
+    return np.concatenate([*sizes.values()])
