@@ -914,7 +914,7 @@ def _require_angles_told_apart(force: Any, joint: Any, label: str) -> None:
     if isinstance(force, Stops) and force.high - force.low >= 2.0 * np.pi and {*acting(force, joint)} & {*joint.angles}:
         raise InvalidInput(
             f"Linkage: {force!r} at {label}: its limits are a whole turn and more apart, and poses do not tell how often a "
-            "joint has turned; leave it out"
+            "joint has turned; leave it out, or give the freedom= of a shift"
         )
     if isinstance(force, Limited) and isinstance(force.given, JointPotential) and joint.rotation_vector:
         raise InvalidInput(
