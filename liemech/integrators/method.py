@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 from ..errors import IncompatibleSystem, InvalidType, undefined
 from ..formulas import Record, Vec, dot, record, sqrt, vec
+from ..formulas.classes.overriding import theirs
 from ..formulas.classes.records import fields_of
 from ..formulas.numbers.bases import InMemory
 from ..groups.retractions import Retraction
@@ -263,3 +264,13 @@ def mean_square_of_parts(changes: tuple[Any, ...], sizes: tuple[Any, ...], rtol:
 def larger(a: Any, b: Any) -> Any:
     """The larger ones of the numbers of two vectors in memory, to rounding."""
     return 0.5 * ((a + b) + abs(a - b))
+
+
+def home_of(method: Any, name: str) -> type:
+    """The class that writes the method's `step`, `trial`, ..."""
+    return next(cls for cls in type(method).__mro__ if name in vars(cls))
+
+
+def steps_as(method: Any, *kinds: type) -> bool:
+    """Whether steps are those of one of these classes; a subclass of a user's may have written others."""
+    return isinstance(method, kinds) and not theirs(home_of(method, "step"))

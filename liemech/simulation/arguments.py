@@ -15,7 +15,7 @@ import numpy as np
 from ..errors import IncompatibleSystem, InconsistentState, InvalidInput, InvalidType, require, warn
 from ..formulas import Vec, check_finite, real_array
 from ..integrators.ending_at_jumps import distinct_times
-from ..integrators.method import Method
+from ..integrators.method import Method, home_of
 from ..systems.system import State, System
 from .checkpoint import ENDINGS, Checkpoint, require_ending
 
@@ -107,7 +107,12 @@ def alike(method: Any) -> bool:
 
 def chooses_steps(method: Any) -> bool:
     """Whether the method has an error estimate for choosing steps, and no structure to lose by it."""
-    return bool(method.error_order) and not alike(method)
+    return bool(method.error_order) and not alike(method) and not behind(method)
+
+
+def behind(method: Any) -> bool:
+    """Whether the `trial` of the method is that of another step: a subclass has written `step` alone."""
+    return not issubclass(home_of(method, "trial"), home_of(method, "step"))
 
 
 def affordable_times(t0: float, h: float, steps: int) -> None:
@@ -181,6 +186,11 @@ def only_adaptive(method: Any, h: Any, **options: Any) -> None:
             f"integrate: {method!r} keeps the structure because all its steps are alike, which an "
             "error control would spoil. Give h and steps; for adaptive steps take a method with "
             "an error estimate, such as RKMK(order=5)"
+        )
+    if method.error_order and behind(method):
+        raise IncompatibleSystem(
+            f"integrate: {type(method).__name__} writes a `step` of its own, and adaptive steps are the `trial` of "
+            f"{home_of(method, 'trial').__name__}, which knows nothing of it. Write `trial` too, or give h and steps"
         )
     if not method.error_order:
         raise IncompatibleSystem(

@@ -17,6 +17,7 @@ from ...integrators.composition import Composition
 from ...integrators.ending_at_jumps import EndingAtJumps, cuts
 from ...integrators.kicks.explicit_kicks import bound_refusal
 from ...integrators.kicks.multiple_time_steps import MultipleTimeSteps
+from ...integrators.method import steps_as
 from ...integrators.rkmk import RKMK
 from ...integrators.taylor import Taylor
 from ...rooms.constraints.constrained_body import BoundBody
@@ -61,7 +62,7 @@ def linked_method(plan: Any) -> Any:
     method, ending = plan._steps.way_of(0), None
     if isinstance(method, EndingAtJumps):
         ending, method = (method if cuts(method, system) else None), method.method
-    if isinstance(method, Composition):
+    if steps_as(method, Composition):
         return rattle_of(method, method.base, [*zip(method.tableau.gamma, method.tableau.nodes)], site, ending)
     explicit = type(method) is RKMK and method.tableau.explicit
     in_doubles = plan._steps.precision == "double"
@@ -88,7 +89,7 @@ def rattle_of(method: Any, base: Any, shares: Any, site: LinkedBodies, ending: A
 
     shares : of its substeps, each with its node.
     """
-    if not isinstance(base, (LieRATTLE, RATTLE)):
+    if not steps_as(base, LieRATTLE, RATTLE):
         return None
     retraction = base.retraction if isinstance(base, LieRATTLE) else Exponential()  # of points
     count = len(shares)

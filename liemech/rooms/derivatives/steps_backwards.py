@@ -36,6 +36,7 @@ from ...integrators.commutator_free import CommutatorFree
 from ...integrators.composition import Composition
 from ...integrators.free_body.midpoint import ImplicitMidpoint
 from ...integrators.kicks.kick_drift import FieldSplitting
+from ...integrators.method import steps_as
 from ...integrators.rkmk import RKMK
 from ...integrators.separable import SeparableSplitting
 from ...systems.canonical import CanonicalState
@@ -182,7 +183,7 @@ def parts_of(method: Any, site: Any) -> tuple[tuple[SiteMotion, ...], list[tuple
     """The motions that a step is made of; of each part in turn which it is, when it begins and how long
     it is, as shares of the step.
     """
-    if isinstance(method, Composition):
+    if steps_as(method, Composition):
         motions, inner = parts_of(method.base, site)
         rows = [
             (k, node + share * begin, share * length)
@@ -190,7 +191,7 @@ def parts_of(method: Any, site: Any) -> tuple[tuple[SiteMotion, ...], list[tuple
             for k, begin, length in inner
         ]
         return motions, rows
-    if isinstance(method, (FieldSplitting, SeparableSplitting)):
+    if steps_as(method, FieldSplitting, SeparableSplitting):
         splitting: Any = method
         tableau, in_a_field = splitting.tableau, isinstance(method, FieldSplitting)
         drift = Symplectic if in_a_field and is_symplectic(splitting.free) else WholeStep
@@ -210,16 +211,16 @@ def parts_of(method: Any, site: Any) -> tuple[tuple[SiteMotion, ...], list[tuple
             return (PointFlow(), free), rows
         return (Kick(splitting, not loaded), free, *([Kick(splitting, False, True)] if loaded else [])), rows
     held = [x for x in records_in(site, TermsOfSite) if x.moves is not None]
-    kind = Symplectic if isinstance(method, LiePoissonHamiltonJacobi) and not held else WholeStep
+    kind = Symplectic if steps_as(method, LiePoissonHamiltonJacobi) and not held else WholeStep
     return (kind(method),), [(0, 0.0, 1.0)]
 
 
 def asks_whole_energies(method: Any) -> bool:
     """Whether steps depend on the energies by the velocity, the force and the load of the system alone."""
-    if isinstance(method, FieldSplitting):
+    if steps_as(method, FieldSplitting):
         return is_symplectic(method.free) or asks_whole_energies(method.free)
     known = RKMK, CommutatorFree, ImplicitMidpoint, SeparableSplitting, TermSplitting
-    return asks_whole_energies(method.base) if isinstance(method, Composition) else isinstance(method, known)
+    return asks_whole_energies(method.base) if steps_as(method, Composition) else steps_as(method, *known)
 
 
 def is_symplectic(free: Any) -> bool:

@@ -24,6 +24,7 @@ from ....formulas.classes.remembered import Remembered
 from ....formulas.sites import padded, rows_of
 from ....groups.composed.species import SpeciesGroup
 from ....integrators.ending_at_jumps import uncut
+from ....integrators.method import steps_as
 from ....simulation.between.dense import unpacked
 from ....systems.in_time.inputs import inputs
 from ....systems.many.site_state import SiteValues
@@ -122,7 +123,7 @@ class BackwardRun:
         and where the sites are that turn.
         """
         self.order = self.places = np.arange(self.sites)
-        if isinstance(method, TermSplitting):
+        if steps_as(method, TermSplitting):
             turning: Any = method._motions(terms_of(self.plan._one))
             in_place = isinstance(turning, Sublattices)
             if in_place and turning.lonely and kept:

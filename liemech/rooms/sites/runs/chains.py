@@ -17,6 +17,7 @@ from ....groups.retractions import Exponential
 from ....integrators.composition import Composition
 from ....integrators.ending_at_jumps import EndingAtJumps, cuts
 from ....integrators.galerkin import GalerkinVariational
+from ....integrators.method import steps_as
 from ....systems.mechanical import MechanicalSystem
 from ..galerkin_of_chain import GalerkinOfChain, order_along, work_of
 from ..terms.sums_of_terms import PlaceTerms
@@ -42,9 +43,9 @@ def chained_method(plan: Any) -> GalerkinOfChain | None:
             return None
         method = method.method
     rows, base = [(1.0, 0.0)], method
-    if isinstance(method, Composition):
+    if steps_as(method, Composition):
         base, rows = method.base, [*zip(method.tableau.gamma, method.tableau.nodes)]
-    if not isinstance(base, GalerkinVariational) or base.order != 2:
+    if not steps_as(base, GalerkinVariational) or base.order != 2:
         return None
     load: Any = site.load
     if isinstance(load, ForceOfSite) and not all(role.alone for role in load.roles):

@@ -13,6 +13,7 @@ from ....compiler.sites.planes import Planes
 from ....errors import IncompatibleSystem, IntegrationFailure, InvalidInput, NotCompilable, warn
 from ....formulas.classes.layouts import layout_of
 from ....integrators.ending_at_jumps import AT_ENDS, uncut
+from ....integrators.method import steps_as
 from ....simulation import arguments
 from ....simulation.between.events import name_of
 from ....simulation.result import of_members
@@ -286,7 +287,7 @@ class SitesOfPlan:
     def places(self) -> PlacesByColour | None:
         """The places in memory of sites that turn by colours; None for other methods."""
         splitting = None if self.plan.adaptive else uncut(self.plan._steps.way_of(0))
-        if not isinstance(splitting, TermSplitting):
+        if not steps_as(splitting, TermSplitting):
             return None
         motions: Any = splitting._motions(terms_of(self.plan._one))
         return motions.places
