@@ -108,7 +108,7 @@ class Place(Sensor):
 
     def residual(self, g: Element, z: Ambient) -> Vec:
         """log(g^-1 z), or log(z g^-1), (dim,)."""
-        return error(self.group, self.side, g, z)
+        return error(self.group, self.side, self.value(g), z)
 
     @property
     def value_shape(self) -> tuple[int, ...]:

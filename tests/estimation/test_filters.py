@@ -749,3 +749,23 @@ def test_a_group_of_complex_matrices_is_filtered_as_the_real_one_that_it_covers(
         assert np.allclose(small[k] @ M.T, turning[k], rtol=rtol, atol=rtol * np.abs(turning[k]).max())
         assert np.allclose(M @ small[k + 1] @ M.T, turning[k + 1], rtol=rtol, atol=rtol * turning[k + 1].max())
         assert np.isclose(small[k + 2], turning[k + 2], rtol=rtol)
+
+
+@lm.record
+class Askew(es.Place):
+    """A star tracker that is mounted askew."""
+
+    def value(self, g):
+        return self.group.compose_exp(g, vec(0.1, 0.2, 0.3))
+
+
+@pytest.mark.parametrize("kind", [es.ErrorStateFilter, es.UnscentedFilter])
+def test_an_element_is_measured_as_a_subclass_says(kind):
+    """The residual was that of the element itself.  At g an exact sensor measures g exp(c), without a residual."""
+    group, c = lm.SO3(), np.array([0.1, 0.2, 0.3])
+    f, tracker = kind(es.Turning(group, [0.01] * 3)), Askew(group, [0.1] * 3)
+    belief = f.belief(group.exp([0.3, -0.2, 0.5]), [0.1] * 3)
+    z = group.compose_exp(belief.g, c)
+    assert np.abs(f.innovation(belief, tracker, z)[0]).max() < 1e-14
+    turned = f.innovation(belief, tracker, group.compose(belief.g, group.exp(-c)))[0]
+    assert np.allclose(turned, -2.0 * c, rtol=0.0, atol=1e-6 if kind is es.ErrorStateFilter else 0.02)
