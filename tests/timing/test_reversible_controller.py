@@ -402,3 +402,27 @@ def test_sigma_is_asked_for_when_the_motion_starts(transformed: bool) -> None:
     for t0 in 0.0, 1.0:
         with pytest.raises(InvalidTimeScale, match="at the start"):
             run(t0, t0)
+
+
+@lm.record
+class OfSpeed(lm.time_scales.DistancePower):
+    def value(self, system: Any, state: Any) -> float:
+        return 1.0 / (1.0 + lm.dot(state.p, state.p))
+
+
+@pytest.mark.parametrize(
+    "run",
+    [
+        lambda sigma: (KEPLER, verlet(sigma)),
+        lambda sigma: (lm.TimeTransformed(KEPLER, sigma), lm.HamiltonJacobi(order=2)),
+    ],
+    ids=["controller", "transformed"],
+)
+def test_a_subclass_writes_a_sigma_of_other_parts(run: Any) -> None:
+    """That of its base depends on q alone, which was taken for granted: p was set to q."""
+    one, other = (
+        lm.integrate(*run(sigma), ORBIT, h=0.05, steps=5, compiled=False)
+        for sigma in (OfSpeed(), lambda p: 1.0 / (1.0 + lm.dot(p, p)))
+    )
+    assert np.allclose(one.t, other.t, rtol=1e-13) and np.allclose(one.q, other.q, rtol=1e-13)
+    assert lm.time_scales.EqualPath.parts == ("q",)

@@ -41,6 +41,13 @@ class TimeScale(Record):
 
     parts: ClassVar[tuple[str, ...] | None] = None  # all
 
+    def __init_subclass__(cls, **options: Any) -> None:
+        """Parts that a base names are those of its own value: of another one they are all, unless it names them too."""
+        super().__init_subclass__(**options)
+        home = next(base for base in cls.__mro__[1:] if "value" in vars(base))
+        if home is not TimeScale and "value" in vars(cls) and "parts" not in vars(cls):
+            cls.parts = None
+
     @property
     def positions(self) -> bool:
         """Whether sigma depends on the positions of a canonical system alone."""
