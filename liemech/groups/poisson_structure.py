@@ -315,11 +315,12 @@ class LogCanonical(_OfMatrix):
     J. Math.  Phys. 36 (1995), 3520.
     """
 
-    of_logarithms: ConstantStructure = field(init=False, repr=False)
+    of_logarithms: ConstantStructure | None = field(init=False, repr=False)  # None of a subclass with another B
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        object.__setattr__(self, "of_logarithms", ConstantStructure(self.values))
+        own = type(self).sharp is LogCanonical.sharp
+        object.__setattr__(self, "of_logarithms", ConstantStructure(self.values) if own else None)
 
     def matrix(self, y: Vec) -> Mat:
         """c_ij y_i y_j.  y : (n,)."""

@@ -603,6 +603,31 @@ class NoStructure(ThreeSpecies):
 
 
 @lm.record
+class Slower(lm.structures.LogCanonical):
+    """Another B: that of the logarithms is no longer the one of its values."""
+
+    def matrix(self, y: lm.Vec) -> lm.Mat:
+        return (0.5 + 0.1 * y[0]) * super().matrix(y)
+
+
+@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_a_subclass_of_a_log_canonical_structure_writes_another_matrix(compiled: bool) -> None:
+    """Steps were those of its base."""
+    system, y = lm.PoissonSystem(Slower([[0.0, 1.0], [-1.0, 0.0]]), OfPlane()), [0.8, 1.1]
+
+    def rates(t: float, z: Any) -> Any:
+        slope = np.array([z[0] + z[0] * z[1] / 1.5, z[1] + z[0] ** 2 / 3.0])
+        return (0.5 + 0.1 * z[0]) * z[0] * z[1] * np.array([slope[1], -slope[0]])
+
+    exact = solve_ivp(rates, (0.0, 0.2), y, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+    errors = []
+    for steps in (2, 4):
+        plan = lm.Plan(system, lm.PoissonHamiltonJacobi(2), h=0.2 / steps, compiled=compiled)
+        errors.append(np.abs(plan.run(system.state(y), steps=steps).y[-1] - exact).max())
+    assert 1.9 < np.log2(errors[0] / errors[1]) < 2.1
+
+
+@lm.record
 class Polar(lm.charts.LocalChart):
     """The polar angles of a pendulum of this length and mass 1, and their rates."""
 

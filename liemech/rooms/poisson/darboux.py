@@ -202,7 +202,7 @@ class LogarithmicDarboux(DarbouxChart):
 
     def __post_init__(self) -> None:
         require("LogarithmicDarboux: structure", self.structure, LogCanonical)
-        object.__setattr__(self, "linear", LinearDarboux(ConstantStructure(self.structure.values)))
+        object.__setattr__(self, "linear", LinearDarboux(self.structure.of_logarithms))
         super().__post_init__()
 
     def coordinates(self, y: Vec) -> Vec:

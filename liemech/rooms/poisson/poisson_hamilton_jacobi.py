@@ -111,7 +111,7 @@ class PoissonHamiltonJacobi(Implicit):
         """Solve for the covector and follow its motion to the end."""
         structure, dH, middle = system.structure, gradient_of(system), t + 0.5 * h
         y, p = plain(memory.state.y), extrapolated(*memory.past)
-        if isinstance(structure, LogCanonical):
+        if isinstance(structure, LogCanonical) and structure.of_logarithms is not None:
             dH_u, origin, of_u = by_logarithms(system, y), vec(*[log_from_start(c) for c in y]), structure.of_logarithms
             p = self.solution(of_u, dH_u, middle, origin, p, h, (len(y),), vec(1.0))
             change = y * vec(*[expm1(c) for c in of_u.sharp(origin, p)])
