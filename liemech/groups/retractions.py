@@ -166,8 +166,9 @@ class Exponential(Retraction):
     Source: Iserles et al., Lie-group methods, Acta Numerica 9 (2000), section 2.4.
     """
 
+    @final
     def tau(self, group: LieGroup, xi: Vec) -> Element:
-        """The exponential map, tau(xi) = exp(xi)."""
+        """The exponential map, tau(xi) = exp(xi), whose series methods know; another map is a Retraction. xi : (dim,)."""
         return group.exp(xi)
 
     def tau_inv(self, group: LieGroup, g: Element) -> Vec:

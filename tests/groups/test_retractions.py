@@ -156,3 +156,28 @@ def test_where_the_cayley_map_is_the_exponential_it_is_that_of_a_group_of_ones_o
             return xi - 2.0 * np.pi * Vec(*[float(np.round(x / (2.0 * np.pi))) for x in xi])
 
     np.testing.assert_allclose(Angles(2).cayley([4.0, 1.0]), [4.0 - 2.0 * np.pi, 1.0], rtol=1e-15)
+
+
+def test_another_map_is_no_exponential():
+    """RKMK of order 4 took the series of dexp for the differential of a Cayley map, and was of order 2."""
+    with pytest.raises(lm.errors.InvalidType, match="another map is a Retraction"):
+
+        @lm.record
+        class Other(lm.Exponential):
+            def tau(self, group, xi):
+                return group.cayley(xi)
+
+        Other()
+
+    @lm.record
+    class Own(lm.Retraction):
+        def tau(self, group, xi):
+            return group.cayley(xi)
+
+    body = lm.RigidBody([1.0, 1.5, 2.0])
+    start, errors = body.state(mu=[0.3, 0.2, 0.9]), []
+    exact = body.exact(start, 0.8).mu
+    for steps in (4, 8):
+        run = lm.integrate(body, lm.RKMK(retraction=Own()), start, h=0.8 / steps, steps=steps, compiled=False)
+        errors.append(np.abs(run.mu[-1] - exact).max())
+    assert 3.5 < np.log2(errors[0] / errors[1]) < 4.6
