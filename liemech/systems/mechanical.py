@@ -166,7 +166,7 @@ class MechanicalSystem(CotangentMotion):
     @property
     def has_force(self) -> bool:  # type: ignore[override]
         """Whether there is a field or a load."""
-        return self.load is not None or not isinstance(self.potential, NoPotential)
+        return self.load is not None or type(self.potential) is not NoPotential
 
     @final
     def momentum_and_force(self, t: float, xi: Vec, g: Element) -> tuple[Vec, Vec]:

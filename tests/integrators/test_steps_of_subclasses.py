@@ -99,3 +99,25 @@ def test_adaptive_steps_are_those_of_a_trial_of_its_own(kind: Any) -> None:
             return super().trial(*args)
 
     assert lm.integrate(body, lm.record(Trying)(5), start, t_end=0.5, compiled=False).t[-1] == 0.5
+
+
+@lm.record
+class Height(lm.NoPotential):
+    def energy(self, g: Any) -> float:
+        return g[2, 2]
+
+
+@lm.record
+class HeightOfItsOwn(lm.Potential):
+    def energy(self, g: Any) -> float:
+        return g[2, 2]
+
+
+def test_an_energy_of_its_own_has_a_force() -> None:
+    """SymplecticRKMK left it out, as of a body without a potential."""
+    ends = []
+    for potential in (Height(), HeightOfItsOwn()):
+        body = lm.MechanicalSystem(lm.RigidBody([1.0, 1.5, 2.0]), potential)
+        start = body.state(mu=[0.3, 0.2, 0.9], g=lm.SO3().exp([0.3, 0.2, 0.1]))
+        ends.append(lm.integrate(body, lm.SymplecticRKMK(2), start, h=0.1, steps=3, compiled=False).mu[-1])
+    assert np.array_equal(*ends)
