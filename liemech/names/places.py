@@ -60,6 +60,7 @@ integrators > rooms.noise: dissipative_splitting stochastic_steps
 systems > rooms.noise: dissipative double_bracket stochastic
 integrators > rooms.poisson: boris darboux_lie discrete_gradient poisson_euler
 systems > rooms.poisson: canonical_transformation darboux local_coordinates metriplectic poisson
+rooms.published > rooms.published.rods: bend elastica spaghetti
 integrators > rooms.sites: galerkin_of_chain sublattices=spin_splittings
 simulation > rooms.sites: sites=runs
 systems > rooms.sites: colouring energy_of_species graphs separable_sites sublattices=parts_of_spins

@@ -9,15 +9,9 @@ andrews.py                    Andrews' squeezing mechanism
 bricard.py                    six hinges along edges of a cube
 governor.py                   a stiff governor
 heavy_top.py                  a fast top
-bend.py                       a cantilever bent by 45 degrees
-elastica.py                   a slender cantilever under a large load
-princeton.py                  a strip that bends about both axes and twists
-twisted.py                    a twisted cantilever
-right_angle_frame.py          a frame that buckles sideways
-spaghetti.py                  a rod that is thrown, and flies
-spaghetti_in_space.py         one that is thrown out of its plane
 chain_of_ten.py               the energy of ten links
 robots.py                     robots of public files
+rods/                         cantilevers, a frame, rods that fly
 spin_one.py                   waves of spins 1
 problems_of_hlw.py            a pendulum, an ellipse, the outer Solar System
 figure_eight.py               three masses on one curve
@@ -34,13 +28,13 @@ RESULTS = {
     "iftomm-a04": "bricard",
     "iftomm-a05": "governor",
     "heavy-top": "heavy_top",
-    "bend-45": "bend",
-    "elastica": "elastica",
-    "princeton": "princeton",
-    "twisted": "twisted",
-    "right-angle-frame": "right_angle_frame",
-    "spaghetti-2d": "spaghetti",
-    "spaghetti-3d": "spaghetti_in_space",
+    "bend-45": "rods.bend",
+    "elastica": "rods.elastica",
+    "princeton": "rods.princeton",
+    "twisted": "rods.twisted",
+    "right-angle-frame": "rods.right_angle_frame",
+    "spaghetti-2d": "rods.spaghetti",
+    "spaghetti-3d": "rods.spaghetti_in_space",
     "wafr-10": "chain_of_ten",
     "robots": "robots",
     "dahlbom": "spin_one",

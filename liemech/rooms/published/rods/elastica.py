@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ...models.many.cosserat_rod import CosseratRod
-from ...models.many.rod_section import RodSection
-from .compared import Compared, limit
+from ....models.many.cosserat_rod import CosseratRod
+from ....models.many.rod_section import RodSection
+from ..compared import Compared, limit
 
 SOURCE = "Mattiasson, Int. J. Numer. Methods Eng. 17 (1981), 145, tables"
 STIFF = RodSection([1.0, 1.0, 1.0, 1e7, 1e7, 1e7], [1.0] * 6)

@@ -7,16 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from ...formulas import Vec, record, vec
-from ...formulas.classes.of_each import each
-from ...groups.rigid.se3 import join
-from ...integrators.kicks.kick_drift import KickDrift
-from ...models.many.cosserat_rod import CosseratRod, turned_back
-from ...models.many.rod_section import RodSection
-from ...simulation.integrate import integrate
-from ...systems.potential import Force
-from ..sites.terms.terms import PerSite
-from .compared import Compared
+from ....formulas import Vec, record, vec
+from ....formulas.classes.of_each import each
+from ....groups.rigid.se3 import join
+from ....integrators.kicks.kick_drift import KickDrift
+from ....models.many.cosserat_rod import CosseratRod, turned_back
+from ....models.many.rod_section import RodSection
+from ....simulation.integrate import integrate
+from ....systems.potential import Force
+from ...sites.terms.terms import PerSite
+from ..compared import Compared
 from .spaghetti import FIRST, LENGTH, flight
 
 SOURCE = (
@@ -31,7 +31,7 @@ PLACES = -0.5864870078071763, -3.1154766560045917, 1.8241373114933275
 class Throw(Force):
     """Moments M and M/2 about y and z, a force M/10 along x, in space; M is 200 at 2.5 s.  share : 1 where they act."""
 
-    share: float
+    share: Any
 
     def covector(self, t: float, xi: Vec, g: Any) -> Vec:
         """(R^T M, R^T F)."""

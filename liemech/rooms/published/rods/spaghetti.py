@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from ...integrators.kicks.kick_drift import KickDrift
-from ...models.many.cosserat_rod import CosseratRod
-from ...models.many.rod_section import RodSection
-from ...simulation.integrate import integrate
-from .compared import Compared
+from ....integrators.kicks.kick_drift import KickDrift
+from ....models.many.cosserat_rod import CosseratRod
+from ....models.many.rod_section import RodSection
+from ....simulation.integrate import integrate
+from ..compared import Compared
 
 SOURCE = (
     "Simo and Vu-Quoc, J. Appl. Mech. 53 (1986), 855, with E I = 100; places by AeroBeams (flyingSpaghetti2D.jl and the data "
@@ -24,7 +24,7 @@ FIRST = np.array([[-0.8, 0.0, 0.6, 0.0], [0.0, 1.0, 0.0, 0.0], [-0.6, 0.0, -0.8,
 
 
 def flight(rod: CosseratRod, mu: Any, g: Any, energy: Any, impulse: float) -> Iterator[Compared]:
-    """The momentum and the energy of a free flight, which stand still."""
+    """Momenta and energy, which stand still in free flight."""
     total = rod.total_momentum(mu, g)
     change, spin = (np.linalg.norm(x, axis=1) for x in (total[:, :3] - total[0, :3], total[:, :3]))
     yield Compared("momentum, the impulse of the force", impulse, float(total[-1, 3]), 1e-11)

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ...models.many.cosserat_rod import CosseratRod
-from ...models.many.rod_section import RodSection
-from .compared import Compared, limit
+from ....models.many.cosserat_rod import CosseratRod
+from ....models.many.rod_section import RodSection
+from ..compared import Compared, limit
 
 SOURCE = (
     "Obrezkov, Mikkola, Matikainen et al., Nonlinear Dyn. 109 (2022): displacements by ANSYS's beam and solid elements, as "

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ...groups.rigid.se3 import SE3
-from ...models.many.cosserat_rod import CosseratRod
-from ...models.many.rod_section import RodSection
-from .compared import Compared
+from ....groups.rigid.se3 import SE3
+from ....models.many.cosserat_rod import CosseratRod
+from ....models.many.rod_section import RodSection
+from ..compared import Compared
 
 SOURCE = (
     "Simo and Vu-Quoc, Comput. Methods Appl. Mech. Eng. 58 (1986), 79; parameters and load as Exudyn quotes them "

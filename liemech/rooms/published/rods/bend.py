@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ...models.many.cosserat_rod import CosseratRod
-from ...models.many.rod_section import RodSection
-from .compared import Compared, limit
+from ....models.many.cosserat_rod import CosseratRod
+from ....models.many.rod_section import RodSection
+from ..compared import Compared, limit
 
 SOURCE = (
     "Bathe and Bolourchi, Int. J. Numer. Methods Eng. 14 (1979), 961; twelve digits by Kynema and BeamDyn "

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ...models.many.cosserat_rod import CosseratRod
-from ...models.many.rod_section import RodSection
-from .compared import Compared, limit
+from ....models.many.cosserat_rod import CosseratRod
+from ....models.many.rod_section import RodSection
+from ..compared import Compared, limit
 
 SOURCE = (
     "Wang, Sprague, Jonkman, Johnson and Jonkman, Wind Energy 20 (2017), 1439; twelve digits by Kynema and BeamDyn (test "
