@@ -202,7 +202,12 @@ class LogarithmicDarboux(DarbouxChart):
 
     def __post_init__(self) -> None:
         require("LogarithmicDarboux: structure", self.structure, LogCanonical)
-        object.__setattr__(self, "linear", LinearDarboux(self.structure.of_logarithms))
+        in_logarithms = self.structure.of_logarithms
+        if in_logarithms is None:
+            raise InvalidInput(
+                f"LogarithmicDarboux: {self.structure!r} has a matrix of its own; the chart is that of B_ij = c_ij y_i y_j"
+            )
+        object.__setattr__(self, "linear", LinearDarboux(in_logarithms))
         super().__post_init__()
 
     def coordinates(self, y: Vec) -> Vec:

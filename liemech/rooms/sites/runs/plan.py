@@ -286,7 +286,7 @@ class SitesOfPlan:
     @functools.cached_property
     def places(self) -> PlacesByColour | None:
         """The places in memory of sites that turn by colours; None for other methods."""
-        splitting = None if self.plan.adaptive else uncut(self.plan._steps.way_of(0))
+        splitting: Any = None if self.plan.adaptive else uncut(self.plan._steps.way_of(0))
         if not steps_as(splitting, TermSplitting):
             return None
         motions: Any = splitting._motions(terms_of(self.plan._one))
