@@ -100,6 +100,29 @@ def test_gradients_are_those_of_the_tangent_maps(method: Any, options: Any) -> N
         assert pulled["start"] == pytest.approx(found["start"], rel=1e-14)
 
 
+@pytest.mark.parametrize("method, options", METHODS)
+def test_the_way_back_has_the_inverse_map(method: Any, options: Any) -> None:
+    undo = lm.Jump(height, lambda t, state: BALL.state(q=state.q, p=-state.p / E))
+    there = lm.Plan(BALL, method, events=BOUNCE, **options).tangent(BALL.state([1.0], [0.2]), **to(1.1, options))
+    back_to = {"h": -options["h"]} if "h" in options else options
+    far = {"steps": 110} if "h" in options else {"t_end": 0.0}
+    end = BALL.state(there.q[-1], there.p[-1])
+    back = lm.Plan(BALL, method, events=undo, **back_to).tangent(end, t0=1.1, **far)
+    assert back.tangent["start"][-1] @ there.tangent["start"][-1] == pytest.approx(np.eye(2), abs=1e-10)
+
+
+def test_of_bodies_side_by_side_each_has_its_times(tmp_path: Path) -> None:
+    plan = lm.Plan(BALL, lm.StormerVerlet(), h=0.01, events=BOUNCE, every=25)
+    starts = BALL.state([[1.0], [0.6]], [[0.2], [-0.1]])
+    run = plan.tangent(starts, steps=110)
+    assert run.t == pytest.approx([0.0, 0.25, 0.5, 0.75, 1.0, 1.1]) and run.tangent["start"].shape == (6, 2, 2, 2)
+    for i, (q, p) in enumerate(((1.0, 0.2), (0.6, -0.1))):
+        alone = plan.tangent(BALL.state([q], [p]), steps=110)
+        assert np.array_equal(run.time_tangents[0][i]["start"], alone.time_tangents[0]["start"])
+    run.save(tmp_path / "run.npz")
+    assert lm.Trajectory.load(tmp_path / "run.npz", [__name__], trusted=True) == run
+
+
 def test_of_a_run_that_ends_at_an_event_and_of_events_that_do_not_jump(tmp_path: Path) -> None:
     """The times of an apex, p = 0, and of a third bounce that ends the run, by closed form; the file has them."""
 
