@@ -399,6 +399,24 @@ def test_the_two_form_of_every_node_changes_by_what_flows_to_it(end):
 
 
 @pytest.mark.slow
+def test_a_twisted_ribbon_is_a_helicoid_and_stays_one():
+    """Ten times as stiff one way as the other, with a rest twist k: edges b(cos ks, sin ks, s/b), without force."""
+    k, b = 3.0, 0.2
+    energy = lm.StrainEnergy([0.5, 0.05, 0.03, 80.0, 80.0, 200.0], [0.0, 0.0, k, 0.0, 0.0, 1.0])
+    ribbon = lm.Field(
+        lm.SE3(), lm.FieldDensity(lm.KineticEnergy([0.013, 0.002, 0.015, 1.0, 1.0, 1.0]), energy), 2.0, 16
+    )
+    g, s = ribbon.shape(), ribbon.arc
+    for side in (1.0, -1.0):
+        edge = g[:, :3, :3] @ [side * b, 0.0, 0.0] + g[:, :3, 3]
+        helix = np.stack([side * b * np.cos(k * s), side * b * np.sin(k * s), s], axis=1)
+        np.testing.assert_allclose(edge, helix, atol=1e-14)
+    assert np.abs(ribbon.stresses(g)).max() < 1e-12
+    run = lm.integrate(ribbon, lm.KickDrift(), ribbon.at_rest(), h=0.5 * ribbon.largest_step, steps=20, compiled=False)
+    assert np.abs(run.g[-1] - g).max() < 1e-12
+
+
+@pytest.mark.slow
 def test_steps_are_stable_up_to_the_largest_and_a_warning_says_so_before():
     field = lm.Field(lm.SO3(), CHIRAL, 1.0, 8, closed=True)
     start = field.state(mu=1e-6 * np.random.default_rng(1).normal(size=(8, 3)), g=field.shape())

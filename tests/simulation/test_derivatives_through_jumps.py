@@ -85,6 +85,7 @@ def test_the_bounces_of_a_ball_by_closed_form(method: Any, options: Any) -> None
     assert end == pytest.approx(np.stack([q, p]), rel=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method, options", METHODS)
 def test_gradients_are_those_of_the_tangent_maps(method: Any, options: Any) -> None:
     plan, far = lm.Plan(BALL, method, events=BOUNCE, **options), to(1.5, options)
@@ -111,6 +112,7 @@ def test_the_way_back_has_the_inverse_map(method: Any, options: Any) -> None:
     assert back.tangent["start"][-1] @ there.tangent["start"][-1] == pytest.approx(np.eye(2), abs=1e-10)
 
 
+@pytest.mark.slow
 def test_of_bodies_side_by_side_each_has_its_times(tmp_path: Path) -> None:
     plan = lm.Plan(BALL, lm.StormerVerlet(), h=0.01, events=BOUNCE, every=25)
     starts = BALL.state([[1.0], [0.6]], [[0.2], [-0.1]])
@@ -123,6 +125,7 @@ def test_of_bodies_side_by_side_each_has_its_times(tmp_path: Path) -> None:
     assert lm.Trajectory.load(tmp_path / "run.npz", [__name__], trusted=True) == run
 
 
+@pytest.mark.slow
 def test_of_a_run_that_ends_at_an_event_and_of_events_that_do_not_jump(tmp_path: Path) -> None:
     """The times of an apex, p = 0, and of a third bounce that ends the run, by closed form; the file has them."""
 
@@ -204,6 +207,7 @@ def test_a_body_that_bounces_on_a_corner(method: Any, options: Any) -> None:
     assert gradient[name] == pytest.approx(2.0 * run.last.mu @ run.tangent[name][-1][:6], rel=1e-9, abs=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method, options", [(lm.StormerVerlet(), {"h": 0.01}), (lm.RKMK(order=5), {"rtol": 1e-11})])
 def test_two_burns_of_a_stage_on_an_orbit_of_kepler(method: Any, options: Any) -> None:
     """At the apocentre, q . p = 0 falling, a burn along the velocity; at a height another one: two jumps in a run."""

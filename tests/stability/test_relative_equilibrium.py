@@ -455,6 +455,7 @@ class InnermostOrbit(lm.SeparableSystem):
         return -1.0 / r - self.b / (r * r * r)
 
 
+@pytest.mark.slow
 def test_near_a_fold_it_says_where_newton_went() -> None:
     """With 12 b = 1 the orbits merge at J = 1, r = 1/2; the outer one is stable, the inner one not."""
     system = InnermostOrbit(1.0 / 12.0)

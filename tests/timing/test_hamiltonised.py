@@ -95,6 +95,7 @@ def test_the_canonical_motion_is_that_of_the_body(method: Any) -> None:
     assert body.g[-1, :2] == pytest.approx(exact[:2], abs=1e-3)
 
 
+@pytest.mark.slow
 def test_the_measure_is_kept_by_the_motion_and_by_canonical_steps() -> None:
     """det of the map of (q, p) in the time s times N^2 there over N^2 here is one: of canonical steps to rounding, of
     SciPy's motion to its tolerance; without the factor it is not.
