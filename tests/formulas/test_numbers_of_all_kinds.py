@@ -37,6 +37,10 @@ def test_complex_numbers(operation: Any) -> None:
         wanted = operation(*(complex(x) if isinstance(x, Complex) else x for x in (a, b)))
         assert abs(complex(operation(a, b)) - wanted) <= 4e-16 * abs(wanted)
     assert abs(z) == abs(complex(z)) and complex(z.conjugate()) == complex(z).conjugate()
+    assert (z.real, z.imag) == (complex(z).real, complex(z).imag)
+    assert derivative(lambda x: (x * z * x).imag + (x * w).real, 2.0) == pytest.approx(
+        2.0 * 2.0 * -0.7 + 1.1, rel=1e-15
+    )
     same, other = Complex(0.3, -0.7), Complex(0.3, 0.7)
     for a, equal in ((same, True), (other, False), (Complex(0.4, -0.7), False), (0.3, False)):
         assert (operator.eq(z, a), operator.ne(z, a)) == (equal, not equal)

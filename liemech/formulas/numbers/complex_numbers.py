@@ -40,6 +40,7 @@ class Complex(Pair):
         self.re, self.im = re, im
 
     parts = property(attrgetter("re", "im"))
+    real, imag = property(attrgetter("re")), property(attrgetter("im"))
 
     def conjugate(self) -> Complex:
         """The complex conjugate, re - i im."""
