@@ -319,8 +319,8 @@ class LogCanonical(_OfMatrix):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        standard = type(self).sharp is LogCanonical.sharp
-        object.__setattr__(self, "of_logarithms", ConstantStructure(self.values) if standard else None)
+        constant = ConstantStructure(self.values) if type(self).sharp is LogCanonical.sharp else None
+        object.__setattr__(self, "of_logarithms", constant)
 
     def matrix(self, y: Vec) -> Mat:
         """c_ij y_i y_j.  y : (n,)."""

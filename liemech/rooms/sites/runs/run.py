@@ -442,12 +442,12 @@ class SiteRun(Course):
         """
         for k, numbers in enumerate(rows):
             t = self.samples.asked.item(first + k)
-            seen = as_users_see(self.plan._one, state_of_rows(self.shape.state, numbers))
-            state = self.plan._one._written_out(seen)
+            as_given = as_users_see(self.plan._one, state_of_rows(self.shape.state, numbers))
+            state = self.plan._one._written_out(as_given)
             for name, function in self.plan._sites.of_all.items():
                 try:
                     if isinstance(function, str):
-                        value = of_method(self.plan._one, function, {"t": t, **seen.arrays})
+                        value = of_method(self.plan._one, function, {"t": t, **as_given.arrays})
                     else:
                         value = np.asarray(function(t, state), dtype=float)
                 except Exception as error:
