@@ -160,7 +160,7 @@ class RunWithEvents:
         """The rate of an event at its zero, by the length of the step there.  Raises InvalidInput where it grazes, or where
         the motion has jumped just then.
         """
-        if at == t:
+        if at in (t, math.nextafter(t, end)):
             raise InvalidInput(
                 f"Plan.tangent: {name_of(event)} is zero at t = {at:.10g}, where another event jumps: which comes first "
                 "depends on rounding, and nothing there has a derivative. Begin elsewhere, or end the run before"
