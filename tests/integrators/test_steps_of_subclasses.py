@@ -35,11 +35,12 @@ def spins() -> tuple[Any, Any]:
 
 def pendulums() -> tuple[Any, Any]:
     turn = [0.0, 1.0, 0.0]
-    hinges = [
+    hinges: Any = [
         lm.joints.RevoluteJoint(k, k - 1 if k else None, [0.0, 0.0, 0.2], [0.0, 0.0, -0.2 if k else 0.0], turn, turn)
         for k in range(3)
     ]
-    system = lm.joints.Linkage([lm.joints.Link(1.0, [0.1, 0.1, 0.1])] * 3, hinges)
+    links: Any = [lm.joints.Link(1.0, [0.1, 0.1, 0.1])] * 3
+    system = lm.joints.Linkage(links, hinges)
     return system, system.state(angles={0: 0.5, 1: 0.2, 2: 0.1})
 
 
