@@ -369,3 +369,22 @@ def test_the_share_of_a_step_is_right_to_a_hundredth(p: int) -> None:
             assert (1.0 - 1e-13) * min(share, 1.0) <= found <= 1.014 * min(share, 1.0)
     assert shortened(0.0, 0.0, p) == 1.0
     assert shortened(math.inf, 1.0, p) == 0.0
+
+
+class Cubed(lm.VectorField):
+    dim = 1
+
+    def velocity(self, y):
+        return vec(1.0 + y[0] ** 3)
+
+
+@pytest.mark.xfail(
+    strict=True, reason="the last two of twelve terms vanish by symmetry, and the step that is given is taken"
+)
+def test_a_given_first_step_from_a_symmetric_point():
+    """y' = 1 + y^3 from y = 0 has the terms t, t^4, t^7, ...; it is at 0.8 at t = int_0^0.8 dy/(1 + y^3), by Simpson's rule."""
+    y = np.linspace(0.0, 0.8, 20_001)
+    f = 1.0 / (1.0 + y**3)
+    end = float(np.sum(f[:-1:2] + 4.0 * f[1::2] + f[2::2]) * (y[1] / 3.0))
+    run = lm.integrate(Cubed(), lm.Taylor(), Cubed().state([0.0]), t_end=end, h=end, rtol=1e-9, compiled=False)
+    assert abs(run.y[-1, 0] - 0.8) < 1e-7

@@ -709,3 +709,20 @@ class Repelled(lm.Hamiltonian):
 def test_a_step_to_where_a_logarithm_has_no_value_ends_the_run() -> None:
     with pytest.raises(lm.errors.IntegrationFailure):
         end(lm.PoissonSystem(lm.structures.Canonical(1), Repelled()), 4, [0.3, -6.0], 0.2, compiled=False)
+class Tripled(lm.PoissonStructure):
+    dim: ClassVar[int] = 2
+
+    def matrix(self, y: lm.Vec) -> lm.Mat:
+        b = 1.0 + y[0] ** 3
+        return lm.mat(lm.vec(0.0, b), lm.vec(-b, 0.0))
+
+
+@pytest.mark.xfail(
+    strict=True, reason="the last two of twelve terms vanish by symmetry, and the series of the whole time is taken"
+)
+def test_series_of_a_motion_in_powers_of_the_third() -> None:
+    """u' = p (1 + u^3) from u = 0 has the terms s, s^4, s^7, ..."""
+    exact = solve_ivp(lambda t, u: 0.7 * (1.0 + u**3), (0.0, 1.0), [0.0], method="DOP853", rtol=1e-13, atol=1e-15).y[
+        0, -1
+    ]
+    assert linear_motion(Tripled(), lm.vec(0.0, 0.0), lm.vec(0.0, 0.7))[0][0] == pytest.approx(exact, rel=1e-12)
