@@ -55,6 +55,22 @@ def steps_of(case: str, h: float, t_end: float = 6.0) -> Any:
     return lm.integrate(system, method, start, h=h, steps=round(t_end / h))
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("nodes", [3, 6])  # written out as one body, and by sites
+def test_that_of_a_field_is_constant_up_to_its_order(nodes: int) -> None:
+    density = lm.FieldDensity(lm.KineticEnergy([1.0, 2.0, 1.5]), lm.KineticEnergy([1.0, 1.0, 2.0]))
+    field = lm.Field(lm.SO3(), density, 0.5 * nodes, nodes - 1, ends=("held", "free"))
+    k = np.arange(3 * nodes).reshape(nodes, 3)
+    g = np.asarray(lm.SO3().exp(0.2 * np.cos(k)))
+    start, spreads = field.state(xi=0.3 * np.sin(k) * (k > 2), g=g), []
+    for steps in (24, 48):
+        run = lm.integrate(field, lm.KickDrift(), start, h=1.2 / steps, steps=steps, compiled=False, progress=False)
+        found = lm.modified_energy(run)
+        spreads.append(np.ptp(found.values[found.t < 0.6]))
+        assert found.verdict == "fluctuates"
+    assert np.log2(spreads[0] / spreads[1]) > 6.5
+
+
 @pytest.mark.parametrize("order", [6, 8])
 @pytest.mark.parametrize("case", CASES)
 def test_it_is_constant_up_to_the_order_of_its_differences(case: str, order: int) -> None:

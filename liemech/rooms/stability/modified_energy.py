@@ -94,17 +94,20 @@ def modified_energy(run: Trajectory, order: int = 8) -> ModifiedEnergy:
         """D x at the samples inside."""
         return sum(ck / run.h * (later(x, k) - later(x, -k)) for k, ck in enumerate(c, 1))
 
-    actions = np.append(0.0, np.cumsum(_actions(method, run.system, run.states, run.h)))
+    states = run.states
+    if np.ndim(states.get("mu")) > 2:  # of many sites, in a row
+        states = {name: x.reshape(len(x), -1) for name, x in states.items()}
+    actions = np.append(0.0, np.cumsum(_actions(method, run.system, states, run.h)))
     if isinstance(run.system, SeparableSystem):
-        q, p = run.states["q"], run.states["p"]
+        q, p = states["q"], states["p"]
         area = np.sum(p[inside] * difference(q) - q[inside] * difference(p), axis=1)
         values = 0.5 * area - difference(actions - 0.5 * np.sum(p * q, axis=1))
     else:
-        group, g = getattr(run.system, "configurations", run.system.group), run.states["g"]
+        group, g = getattr(run.system, "configurations", run.system.group), states["g"]
         back = group.inverse(g[inside])
         to = {k: group.log(group.compose(back, later(g, k))) for k in range(-m, m + 1) if k}
         xi = sum(ck / run.h * (to[k] - to[-k]) for k, ck in enumerate(c, 1))
-        values = np.sum(run.states["mu"][inside] * xi, axis=1) - difference(actions)
+        values = np.sum(states["mu"][inside] * xi, axis=1) - difference(actions)
     return ModifiedEnergy(run.t[inside], np.asarray(run.energy)[inside], values)
 
 
