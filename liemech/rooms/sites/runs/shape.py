@@ -60,11 +60,12 @@ class SiteShape:
         self.plan, self.site, control, place = plan, site, Equal(True), PLACE  # type: Any, Any, Any, Any
         self.paces: dict[int, int] = {}
         started, ending, self.h = layout, None, 0.0
-        method: Any = Embedded(steps.method, inside) if plan.adaptive else uncut(plan._sites.method)
         if plan.adaptive:
             control, place = Tolerance(inside, False), BESIDE
+            method: Any = Embedded(steps.method, inside)
         else:
-            self.h, cut_method = steps.h, plan._sites.method
+            cut_method: Any = plan._sites.method
+            self.h, method = steps.h, uncut(cut_method)
             ending = None if method is cut_method else cut_method
             if plan._sites.places is not None:
                 method, ending = Turns.of_splitting(cut_method, method, plan._one, inside), None
