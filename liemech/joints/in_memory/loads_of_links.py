@@ -30,9 +30,7 @@ BENT = 2.0**-10
 """A change of the derivative of a load by the rate, relative, that leaves the equations as they are."""
 
 FINDING, KICKING, HOLDING, JUDGING = range(4)
-"""Phases of a kick by loads: the velocities to which it leads are looked for; loads act; impulses alone hold what the kick
-has moved; pivots say whether it throws back.
-"""
+"""Phases of a kick: velocities are looked for, loads act, impulses alone hold what has moved, pivots judge the kick."""
 
 AT_LOADS = 50
 """Corrections of the velocities that loads depend on, at the end of a step."""
@@ -47,8 +45,7 @@ def loads(
     """In turn 1 loads at the start of a step, which go to the field; in turn 2 the kick by them at its end.
 
     Newton's method finds the rates of joints, and for loads on bodies the velocities of these, to which the kick leads,
-    with the impulses that take away what leads off the constraint; while loads bend no more than before, with their
-    derivative as it was.  The phases are one loop, so that native code has the formulas of loads once.
+    with the impulses that take away what leads off the constraint.  Native code has the formulas of all phases once.
 
     kicks : are the loads of turn 1 those of an explicit kick?  A step in which it throws back is refused, as
     by `LieRATTLE`: first by how strong the loads are beside bodies that no joint holds, then by the pivots of the
@@ -70,10 +67,10 @@ def loads(
             each(sites, loaded_body, system, float(turn), old, new, work)
             if turn == 2:
                 phase, k = HOLDING, 0.0
-                continue
-            if not judged or h < 0.0 or spares(system, h, sites, work, equations):
+            elif not judged or h < 0.0 or spares(system, h, sites, work, equations):
                 break
-            phase = JUDGING
+            else:
+                phase = JUDGING
             continue
         if phase != JUDGING:
             require_turns(corrections, work)
@@ -94,9 +91,8 @@ def loads(
                     system, corrections, load_change, load_scale, sites, work
                 )
                 phase, last = KICKING if last and settled else FINDING, False
-            elif last:
-                if system.freedoms > 0:
-                    each(sites, kicked_by_loads, old, work)
+            elif last and system.freedoms > 0:
+                each(sites, kicked_by_loads, old, work)
             elif corrections > CUT:
                 cut_short(system, t, k, falls, sites, old, work, equations)
         if last:
