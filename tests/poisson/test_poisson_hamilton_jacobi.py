@@ -709,6 +709,8 @@ class Repelled(lm.Hamiltonian):
 def test_a_step_to_where_a_logarithm_has_no_value_ends_the_run() -> None:
     with pytest.raises(lm.errors.IntegrationFailure):
         end(lm.PoissonSystem(lm.structures.Canonical(1), Repelled()), 4, [0.3, -6.0], 0.2, compiled=False)
+
+
 class Tripled(lm.PoissonStructure):
     dim: ClassVar[int] = 2
 
