@@ -26,7 +26,7 @@ from ...formulas import (
     where,
 )
 from ...formulas.classes.remembered import Remembered
-from ...formulas.derivatives import gradient_to_add, tangent
+from ...formulas.derivatives import axes, gradient_to_add, tangent
 from ...formulas.numbers.dual import Dual
 from ...formulas.numbers.series import Series
 from ...formulas.numbers.sizes import one_norms
@@ -159,7 +159,7 @@ def mean_by_covector(structure: Any, x: Vec, p: Vec) -> Mat:
     as y = x - V/2 + V' V/12 - ..., and DB[V] = W - W^T, since the motion keeps B.  x, p : (n,); (n, n), column by
     column.
     """
-    columns = structure.matrix(x).T
+    columns = [tangent(lambda a: structure.sharp(x, a), p, unit, True)[1] for unit in axes(p)]
     bent = mat(*[tangent(lambda z: structure.sharp(z, p), x, b, True)[1] for b in columns])
     return mat(*[0.5 * b + (1.0 / 12.0) * w for b, w in zip(columns, bent + bent.T)])
 
