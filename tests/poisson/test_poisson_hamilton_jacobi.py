@@ -245,6 +245,15 @@ def test_orders_and_casimirs_on_duals_of_other_groups(name: str, order: int) -> 
 
 
 @pytest.mark.slow
+def test_a_guiding_centre() -> None:
+    """Its matrix has derivatives of the field, and no splitting is known."""
+    system, y = lm.models.GuidingCentre(lm.models.TokamakField(), 0.1), [1.05, 0.1, 0.1, 0.2]
+    true = exact(system, y, 0.4)
+    errors = [np.abs(end(system, 4, y, 0.4 / n, n, compiled=True) - true).max() for n in (4, 8)]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.05)
+
+
+@pytest.mark.slow
 def test_bodies_of_an_ensemble_and_times_between_steps() -> None:
     """Members side by side have the bits of each alone."""
     system, y, h = CASES["momenta"]
