@@ -95,7 +95,7 @@ def modified_energy(run: Trajectory, order: int = 8) -> ModifiedEnergy:
         return sum(ck / run.h * (later(x, k) - later(x, -k)) for k, ck in enumerate(c, 1))
 
     states = run.states
-    if np.ndim(states.get("mu")) > 2:  # of many sites, in a row
+    if states.get("mu", np.empty(0)).ndim > 2:  # of many sites, in a row
         states = {name: x.reshape(len(x), -1) for name, x in states.items()}
     actions = np.append(0.0, np.cumsum(_actions(method, run.system, states, run.h)))
     if isinstance(run.system, SeparableSystem):
