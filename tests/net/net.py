@@ -36,6 +36,7 @@ from scenes_of_runs import Scene
 
 import liemech as lm
 from liemech import errors
+from liemech.rooms.derivatives.frames import dual_basis
 
 HASHES = Path(__file__).parent / "hashes.json"
 REFUSED = "refused"
@@ -93,7 +94,7 @@ def of_run(run: lm.Trajectory, times: Any = None) -> dict[str, Any]:
 @functools.cache
 def fingerprints() -> dict[str, str]:
     """Of what may round otherwise elsewhere: the C library's functions at some hundred places, and
-    products and inverses of small matrices by BLAS and LAPACK.
+    products, inverses and frames of small matrices by BLAS and LAPACK.
     """
     values: list[float] = []
     for i in range(1, 200):
@@ -105,7 +106,9 @@ def fingerprints() -> dict[str, str]:
     products = [matrices[i] @ matrices[i + 1] for i in range(35)]
     rows = [matrices[i] @ matrices[i + 1][:, 0] for i in range(35)]
     inverses = np.linalg.pinv(matrices[:, :, :4])
-    return {"libm": digest(values), "blas": together([products, rows, inverses])}
+    frames = [dual_basis(scenes.spread(k, k * 2 * k).reshape(k, k, 2 * k)) for k in (2, 3, 6, 12)]
+    changes = [np.swapaxes(x, -1, -2) @ x for x in frames]
+    return {"libm": digest(values), "blas": together([products, rows, inverses, *frames, *changes])}
 
 
 # ---------------------------------------------------------------- cases
