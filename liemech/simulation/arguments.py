@@ -176,6 +176,11 @@ def only_adaptive(method: Any, h: Any, **options: Any) -> None:
     """Refuse what has no adaptive steps.  options : those of adaptive steps."""
     options_given = {name: x for name, x in options.items() if x is not None}
     named = [name for name, x in options_given.items() if axes(x, name) == 0 or np.size(x)]
+    if method.error_order and not alike(method) and behind(method) and (h is None or named):
+        raise IncompatibleSystem(
+            f"integrate: {type(method).__name__} writes a `step` of its own, and adaptive steps are the `trial` of "
+            f"{home_of(method, 'trial').__name__}, which knows nothing of it. Write `trial` too, or give h and steps"
+        )
     if h is not None and named and not chooses_steps(method):
         raise IncompatibleSystem(
             f"integrate: {method!r} makes no adaptive steps, and {named[0]} is for these; "
@@ -186,11 +191,6 @@ def only_adaptive(method: Any, h: Any, **options: Any) -> None:
             f"integrate: {method!r} keeps the structure because all its steps are alike, which an "
             "error control would spoil. Give h and steps; for adaptive steps take a method with "
             "an error estimate, such as RKMK(order=5)"
-        )
-    if method.error_order and behind(method):
-        raise IncompatibleSystem(
-            f"integrate: {type(method).__name__} writes a `step` of its own, and adaptive steps are the `trial` of "
-            f"{home_of(method, 'trial').__name__}, which knows nothing of it. Write `trial` too, or give h and steps"
         )
     if not method.error_order:
         raise IncompatibleSystem(

@@ -98,6 +98,9 @@ def test_adaptive_steps_by_a_parameter_of_the_method():
         def step(self, system: Any, t: float, state: Any, h: float) -> Any:
             return super().step(system, t, state, self.scale * h)
 
+        def trial(self, system: Any, t: float, state: Any, first: Any, h: float, *tolerances: Any) -> Any:
+            return super().trial(system, t, state, first, self.scale * h, *tolerances)
+
     method = Scaled(order=5)
     plan = lm.Plan(BODY, method, rtol=1e-3, max_step=0.125, h=0.125, compiled=False)
     found: Any = plan.tangent(TURNING, t_end=0.5, by="method.scale")
