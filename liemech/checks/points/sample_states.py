@@ -79,7 +79,7 @@ class AtState:
     @property
     def timed(self) -> dict[str, float]:
         """The time, for the velocity and the energy of a body in a field that ask for it."""
-        return {"t": self.t} if getattr(self.system, "driven", False) else {}
+        return {"t": self.t} if self.system.driven and not self.driven else {}
 
     @cached_property
     def rate(self) -> Any:
