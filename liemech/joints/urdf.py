@@ -183,7 +183,7 @@ def linkage_of(
         raise robot.wrong(complaint)
     numbers: Any = {name: number for number, name in enumerate(heads)} | {None: None}
     bodies = {name: _body(links, [other for other in order if moved[other] == name], poses) for name in heads}
-    _require_units(robot, bodies, poses)
+    _require_units(bodies, poses)
     centres: Any = {name: centre for name, (_, centre) in bodies.items()} | {None: np.zeros(3)}
     args: dict[str, Any] = {"links": [body for body, _ in bodies.values()], "joints": []}
     args["forces"] = []
@@ -339,7 +339,7 @@ def _body(links: dict[str, Element], parts: list[str], poses: dict[str, np.ndarr
     return Link(total, inertias.tolist(), name=parts[0]), centre
 
 
-def _require_units(robot: Element, bodies: dict[str, tuple[Link, np.ndarray]], poses: dict[str, np.ndarray]) -> None:
+def _require_units(bodies: dict[str, tuple[Link, np.ndarray]], poses: dict[str, np.ndarray]) -> None:
     """Warn of inertias that belong to bodies far larger than the robot."""
     points = np.array([*[pose[:3, 3] for pose in poses.values()], *[c for _, c in bodies.values()]])
     size = np.ptp(points, axis=0).max()

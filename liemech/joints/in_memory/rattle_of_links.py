@@ -167,7 +167,7 @@ class RattleOfLinks(StepsOfLinks):
             if turn == 1 and system.geared:
                 each(sites, dial_here, system.at_time(t), old, work, conditions)
             if turn == 1:
-                each(sites, guessed, system, h, old, past, work)
+                each(sites, guessed, h, old, past, work)
                 self.solve(system, t, h, sites, old, work, conditions)
                 if system.meshes:
                     meshed(system, work)
@@ -254,7 +254,7 @@ def forgotten(pasts: Any, stages: int) -> None:
         past.save(tuple([vec(*[0.0] * len(x)) for x in past.load()]))
 
 
-def guessed(system: Any, h: float, old: Any, past: Any, work: Any) -> None:
+def guessed(h: float, old: Any, past: Any, work: Any) -> None:
     """A first unknown, from the last steps, and the slope with which it begins."""
     pasts = past.load()
     guess = continued(pasts)

@@ -92,7 +92,7 @@ def lyapunov(
         raise InvalidInput(
             f"lyapunov: give {'t_end with adaptive' if plan.adaptive else 'steps with fixed'} steps, alone"
         )
-    pieces = _pieces(plan, steps, t_end)
+    pieces = _pieces(steps, t_end)
     sizes = _sizes(plan.system, plan.run(start, **pieces[0]), start)
     if not (type(exponents) is int and 1 <= exponents <= len(sizes)):
         raise InvalidInput(
@@ -114,7 +114,7 @@ def lyapunov(
     return Lyapunov(at, np.sort(sums / abs(t))[::-1], np.cumsum(gain) / abs(at), megno, mean, state)
 
 
-def _pieces(plan: Any, steps: int | None, t_end: float | None) -> list[dict[str, Any]]:
+def _pieces(steps: int | None, t_end: float | None) -> list[dict[str, Any]]:
     """The arguments of the runs between which disturbances are made orthonormal."""
     if t_end is not None:
         t_end = arguments.real(t_end, "t_end")
