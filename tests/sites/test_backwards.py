@@ -135,7 +135,7 @@ def test_few_states_are_kept(kept: int) -> None:
             assert state == step
             order.append(step)
 
-        go_back(0, steps, kept, 0, advance, back)
+        go_back(steps, kept, 0, advance, back)
         assert order == [*range(steps)][::-1]
         r = repetitions(steps, kept)
         assert made.max() <= r

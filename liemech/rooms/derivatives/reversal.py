@@ -27,20 +27,15 @@ def repetitions(steps: int, kept: int) -> int:
 
 
 def go_back(
-    first: int,
-    last: int,
-    kept: int,
-    state: Any,
-    advance: Callable[[Any, int, int], Any],
-    back: Callable[[Any, int], None],
+    steps: int, kept: int, state: Any, advance: Callable[[Any, int, int], Any], back: Callable[[Any, int], None]
 ) -> None:
-    """Go back through the steps from `first` to `last`, the last one first.
+    """Go back through the steps of a run, the last one first.
 
     kept : how many states may be kept beside this one, at least 1.  state : before the first step.
     advance(state, i, j) : gives the state before step j, of the one before step i.  back(state, i) : goes back
     through step i, from whose beginning the state is.
     """
-    held = [(first, state)]  # and where they are
+    held, last = [(0, state)], steps  # the states, and before which step they are
     while held:
         first, state = held[-1]
         many = last - first

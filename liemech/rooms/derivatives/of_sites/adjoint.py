@@ -268,7 +268,7 @@ class BackwardRun:
             part.sums.array[:] = 0.0
         if self.last:
             blocks = -(-self.last // self.block)
-            go_back(0, blocks, self.kept, self.rows, self._advance, self._back)
+            go_back(blocks, self.kept, self.rows, self._advance, self._back)
         by_name: dict[str, Any] = {}
         for part in self.parts:
             for name, slopes in part.by_name.items():
