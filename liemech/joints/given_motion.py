@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType, undefined
-from ..formulas import Mat, Record, Vec, cross, derivative, mat, record, sin, vec, vectors
+from ..formulas import Mat, Record, Vec, cross, derivative, dot, identity_matrix, mat, record, sin, vec
 from ..formulas.classes.records import with_fields
 from ..groups.rigid.se3 import join
 from ..systems.in_time.tabulated import PiecewisePolynomial
@@ -150,8 +150,8 @@ class MovedJoint(Joint):
         slope = derivative(lambda s: vec(*[x for row in self.place(s, whole)[:3] for x in row]), self.time)
         R = [vec(m[0, j], m[1, j], m[2, j]) for j in range(3)]  # by columns
         S = [vec(slope[j], slope[4 + j], slope[8 + j]) for j in range(4)]
-        parts = [sum_of(R[2], S[1]), sum_of(R[0], S[2]), sum_of(R[1], S[0])]
-        return vec(*parts, *[sum_of(column, S[3]) for column in R])
+        parts = [dot(R[2], S[1]), dot(R[0], S[2]), dot(R[1], S[0])]
+        return vec(*parts, *[dot(column, S[3]) for column in R])
 
     # ---------------------------------------------------------------- as a joint
 
@@ -170,14 +170,14 @@ class MovedJoint(Joint):
     def paces(self, g: Mat, k: Mat) -> list[Any]:
         """dc/dt of the conditions, by the given motion alone."""
         m, u = self.place(self.time, True), self.pace(True)
-        return [sum_of(two, u) for _, two in self.held.rows(g, k @ m)]
+        return [dot(two, u) for _, two in self.held.rows(g, k @ m)]
 
     def paces_by_coordinates(self, g: Mat, k: Mat) -> list[Any]:
         """dc/dq of the conditions, for each coordinate of the path."""
         at = self.path[0].coordinates(self.time)
         q = vec(*at) if self.joint.freedoms > 1 else vec(at)
         m, n = k @ self.place(self.time, False), self.joint.freedoms
-        units = [vec(*[1.0 if j == i else 0.0 for j in range(n)]) for i in range(n)]
+        units = identity_matrix(n)
         return [derivative(lambda x: self.held.value(g, m @ self.joint.relative(x)), q, unit) for unit in units]
 
     def coordinates(self, g: Mat, k: Mat) -> Vec:
@@ -191,7 +191,7 @@ class MovedJoint(Joint):
     def paces_of_motions(self, g: Mat, k: Mat) -> list[Any]:
         """The rates of the motions by the given motion of the support alone."""
         m, u = self.place(self.time, False), self.pace(False)
-        return [sum_of(two, u) for _, two in self.joint.motions(g, k @ m)]
+        return [dot(two, u) for _, two in self.joint.motions(g, k @ m)]
 
     def relative(self, q: Vec) -> Mat:
         """The pose of the first body; on a path that of the time, whatever q is."""
@@ -202,11 +202,6 @@ class MovedJoint(Joint):
     def slopes(self, q: Vec, slope: Vec) -> Vec:
         """The slopes along the motions of the joint, from those by its coordinates."""
         return self.joint.slopes(q, slope)
-
-
-def sum_of(a: Any, b: Any) -> Any:
-    """The sum of the products a_i b_i."""
-    return vectors.sum([a[i] * b[i] for i in range(len(a))])
 
 
 def carried_by(m: Mat, row: Vec) -> Vec:

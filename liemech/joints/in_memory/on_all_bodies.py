@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...formulas import Vec, cross, derivative, dot, vec
+from ...formulas import Vec, cross, derivative, dot, identity_matrix, vec
 from .links import pose_in
 
-UNITS = tuple([vec(*[1.0 if i == k else 0.0 for i in range(6)]) for k in range(6)])
+UNITS = tuple(identity_matrix(6))
 
 
 def entries_of_all(system: Any, old: Any) -> Vec:
@@ -21,12 +21,6 @@ def entries_of_all(system: Any, old: Any) -> Vec:
 def velocities_of_all(system: Any, work: Any) -> Vec:
     """The velocities of all bodies at which loads are looked for, (6 N,)."""
     return vec(*[x for b in range(system.on_all.count) for x in work.load_velocity.at(b)])
-
-
-def units_of_all(system: Any) -> list[Vec]:
-    """The unit vectors of 6 N components."""
-    count = 6 * system.on_all.count
-    return [vec(*[1.0 if k == i else 0.0 for k in range(count)]) for i in range(count)]
 
 
 def put_parts(system: Any, column: Any, whole: Vec) -> None:
@@ -41,7 +35,7 @@ def pulled_together(system: Any, old: Any, work: Any) -> None:
     if not acting.derived:
         put_parts(system, work.field, acting.potential.force(acting.group, g))
         return
-    for i, unit in enumerate(units_of_all(system)):
+    for i, unit in enumerate(identity_matrix(6 * system.on_all.count)):
         along: list[Any] = []
         for b in range(acting.count):
             w, v = unit[6 * b : 6 * b + 3], unit[6 * b + 3 : 6 * b + 6]
@@ -59,14 +53,14 @@ def pushed_together(system: Any, t: float, h: float, old: Any, work: Any) -> Non
         return h * acting.load.covector(t, w, g)
 
     put_parts(system, work.load_kick, kick(xi))
-    for i, unit in enumerate(units_of_all(system)):
+    for i, unit in enumerate(identity_matrix(6 * system.on_all.count)):
         save_slope(work, i, derivative(kick, xi, unit))
 
 
 def damping_of_all(system: Any, t: float, old: Any, work: Any) -> None:
     """The damping of each body by a load, by columns."""
     acting, g, xi = system.seen(system.on_all), entries_of_all(system, old), velocities_of_all(system, work)
-    for i, unit in enumerate(units_of_all(system)):
+    for i, unit in enumerate(identity_matrix(6 * system.on_all.count)):
         save_slope(work, i, acting.load.resistance(t, xi, g, unit))
 
 
