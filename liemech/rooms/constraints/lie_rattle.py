@@ -126,7 +126,7 @@ class LieRATTLE(Remembering):
         mu = state.mu + (0.5 * h) * force
         if load is not None:
             mu = mu + self._load_at_the_end(system, t + h, plain(mu), plain(state.g), rows, 0.5 * h)
-        mu = mu - pulled(system, rows, self._excess(system, rows, plain(mu)))
+        mu = self._projected(system, rows, mu)
         past, state = followed(memory.past, unknown), BodyState(mu, state.g)
         if load is not None:
             self._require_gentle(system, t + h, state, rows, -h)
@@ -200,11 +200,12 @@ class LieRATTLE(Remembering):
         ]
         return system.constraint.value(g_end), bends
 
-    def _excess(self, system: Any, rows: Any, mu: Vec) -> Vec:
-        """The impulses that take away the velocity off the constraint: (G J^-1 G*) l' = G J^-1 mu."""
+    def _projected(self, system: Any, rows: Any, mu: Vec) -> Vec:
+        """The momentum without what leads off the constraint, mu - G* l' with (G J^-1 G*) l' = G J^-1 mu."""
         through = led(system, rows)
         pushed = [[times(inverse, row) for row in block] for inverse, block in zip(system.inverses, through)]
-        return solved_sparse(system, joint(system, through, pushed), speeds(system, rows, system.velocity(mu)))[0]
+        off = speeds(system, rows, system.velocity(plain(mu)))
+        return mu - pulled(system, rows, solved_sparse(system, joint(system, through, pushed), off)[0])
 
     def _require_gentle(self, system: Any, t: float, state: BodyState, rows: Any, h: float) -> None:
         """Refuse a step from a state whose first kick by a load throws back; backwards in time that is the last one."""
@@ -218,13 +219,12 @@ class LieRATTLE(Remembering):
         """
         load, xi = system.body.load, system.velocity(mu)
 
-        def held(pushed: Vec) -> Vec:
-            return pushed - pulled(system, rows, self._excess(system, rows, pushed))
-
         if load.by_rate:
             w = load.rates(xi, g)
             damping = load.resistances(t, w, g)
-            answers = jacobian(lambda k: load.rates(system.velocity(held(load.spread(t, k, g))), g), 0.0 * w)
+            answers = jacobian(
+                lambda k: load.rates(system.velocity(self._projected(system, rows, load.spread(t, k, g))), g), 0.0 * w
+            )
             count = range(len(w))
             damped_rows = [
                 vec(*[(1.0 if i == j else 0.0) - h * answers[i, j] * damping[j] for j in count]) for i in count
@@ -233,7 +233,8 @@ class LieRATTLE(Remembering):
             damped_rows = []
             for unit in identity_matrix(len(mu)):
                 p = system.body.body.lagrangian.momentum(unit)
-                damped_rows = [*damped_rows, p - h * held(load.resistance(t, xi, g, system.velocity(held(p))))]
+                damping = load.resistance(t, xi, g, system.velocity(self._projected(system, rows, p)))
+                damped_rows = [*damped_rows, p - h * self._projected(system, rows, damping)]
         return negative_pivots(mat(*damped_rows)) > 0.0
 
     def _load_at_the_end(self, system: Any, t: float, mu: Vec, g: Element, rows: Any, h: float) -> Vec:
@@ -244,22 +245,19 @@ class LieRATTLE(Remembering):
         """
         load = system.body.load
 
-        def held_of(pushed: Vec) -> Vec:
-            return pushed - pulled(system, rows, self._excess(system, rows, pushed))
-
         def led_to(k: Vec) -> tuple[Vec, float]:
             pushed = mu + load.spread(t, k, g)
-            speeds = load.rates(system.velocity(held_of(pushed)), g)
+            speeds = load.rates(system.velocity(self._projected(system, rows, pushed)), g)
             return speeds, dot(guess, guess) + dot(speeds, speeds)
 
         def equation(w: Vec) -> tuple[Vec, Mat, float]:
             def rates(y: Vec) -> Vec:
-                return load.rates(system.velocity(held_of(mu + h * load.at_rates(t, y, g))), g)
+                return load.rates(system.velocity(self._projected(system, rows, mu + h * load.at_rates(t, y, g))), g)
 
             slope = identity_matrix(len(w)) - jacobian(rates, w)
             return w - rates(w), slope, dot(guess, guess) + dot(w, w)
 
-        guess = load.rates(system.velocity(held_of(mu)), g)
+        guess = load.rates(system.velocity(self._projected(system, rows, mu)), g)
         if load.by_rate:
             w, mismatch, enough = newton_of_kicks(lambda y: h * load.efforts(t, y, g), led_to, guess)
         else:
