@@ -241,7 +241,7 @@ class Isospectral(Implicit):
         if by_matrices(system):
             return self._step_of_matrices(system, memory, h)
         state, guess = memory.state, [extrapolated(*stage) for stage in zip(*memory.past)]
-        stages = self._iterated(system, h, state.mu, guess)
+        stages = fixed_point(lambda guess: self._sweep(system, h, state.mu, guess), guess, self, h)
         turned = combination(self.tableau[1], stages)
         g = None if state.g is None else state.g + state.g @ turned.T
         return self.after(memory, BodyState(state.mu + turned @ state.mu, g), tuple(stages))
@@ -265,12 +265,8 @@ class Isospectral(Implicit):
         mu = state.mu + isospectral_matrices.momentum_of(system, change)
         return Memory(BodyState(mu, g), memory.node, (stages, *memory.past[:-1]))
 
-    def _iterated(self, system: Any, h: float, mu: Vec, guess: list[Mat]) -> list[Mat]:
-        """The Z_j = h B_j Q_j, iterated until they change no more."""
-        return fixed_point(lambda stages: self._sweep(system, h, mu, stages), guess, self, h)
-
     def _sweep(self, system: Any, h: float, mu: Vec, stages: list[Mat]) -> tuple[list[Mat], float, float]:
-        """Every stage anew, each from the new ones before it; their change and their size."""
+        """Every stage Z_j = h B_j Q_j anew, each from the new ones before it; their change and their size."""
         change, size = 0.0, 0.0
         for i, row in enumerate(self.tableau[0]):
             q = plus(combination(row, stages), 1.0)
