@@ -10,6 +10,7 @@ from ..formulas import record, where
 from ..formulas.classes.layouts import layout_of
 from ..formulas.classes.records import fields_of, with_fields
 from ..formulas.numbers.conversions import fitted
+from ..formulas.numbers.sizes import EPSILON
 from ..formulas.tables import Table, entry, last_up_to
 from ..systems.in_time.inputs import during, has_inputs, inputs
 from ..systems.in_time.knots import jump_ahead, slack_of
@@ -20,8 +21,6 @@ AT_ENDS = "its noise is known at the ends of steps only. Let steps end there: t0
 
 MARGIN = 4
 """Units in the last place by which steps keep away from a jump of the velocity that a user has named, on both sides."""
-
-ULP = 2.0**-52
 
 SMALLEST = 2.0**-960
 """Times below it are none: their rounding errors have no digits."""
@@ -65,7 +64,7 @@ def distinct_times(times: Iterable[float]) -> tuple[float, ...]:
 
 def is_one_time(t: float, other: float) -> bool:
     """Whether two times differ by rounding alone."""
-    return abs(t - other) <= 4 * MARGIN * ULP * max(abs(t), abs(other), SMALLEST)
+    return abs(t - other) <= 4 * MARGIN * EPSILON * max(abs(t), abs(other), SMALLEST)
 
 
 def jumps_between(method: Any, system: Any, breaks: tuple[float, ...], t0: float, t_end: float) -> tuple[float, ...]:
@@ -178,7 +177,7 @@ class EndingAtJumps(Wrapping):
         first, last = self._break_before(t + near), self._break_before(to + near)
         at_first = self.count > 0.0 and abs(first - t) <= near
         at_last = self.count > 0.0 and abs(last - to) <= near
-        away = MARGIN * ULP * sign
+        away = MARGIN * EPSILON * sign
         begin = where(at_first, first + away * max(abs(first), abs(h)), t)
         finish = where(at_last, last - away * max(abs(last), abs(h)), to)
         return begin, where(at_first or at_last, finish - begin, h)

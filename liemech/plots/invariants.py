@@ -14,6 +14,8 @@ from .style import GREY, Axes, legend, look, named_runs, needs_run, plane_axes, 
 
 WIDE = (6.6, 3.4)
 """Inches, with room for a legend beside the curves."""
+LEAST = 0.1 * EPSILON
+"""The height at which a change of zero is drawn."""
 BINS = 400
 """Of more samples the largest in each of so many stretches of time is drawn."""
 
@@ -46,11 +48,11 @@ def invariants(
     ends = np.append(starts[1:], len(t)) - 1
     for k, name in enumerate(chosen):
         highest = np.maximum.reduceat(changes(run, name)[1:], starts)
-        if (highest > _least()).any():  # not to be seen: no change at all among others
-            highest = np.where(highest > _least(), highest, np.nan)
+        if (highest > LEAST).any():  # not to be seen: no change at all among others
+            highest = np.where(highest > LEAST, highest, np.nan)
         ax.semilogy(t[ends], highest, label=name, **look(k))
-    ax.fill_between(t[ends], _least(), floor[ends], color="#e9ebef", zorder=0.5, linewidth=0, label="rounding")
-    ax.set_ylim(bottom=_least())
+    ax.fill_between(t[ends], LEAST, floor[ends], color="#e9ebef", zorder=0.5, linewidth=0, label="rounding")
+    ax.set_ylim(bottom=LEAST)
     legend(ax, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return ax
 
@@ -95,7 +97,7 @@ def changes(run: Any, name: str) -> Array:
     change = np.linalg.norm(values - values[0], axis=-1)
     change = change if run.bodies is None else change.max(axis=1)
     scale = run.drift()[name].scale if len(run.t) > 1 else 0.0
-    return np.maximum(change / (scale or 1.0), _least())
+    return np.maximum(change / (scale or 1.0), LEAST)
 
 
 def noise(run: Any) -> Array:
@@ -114,11 +116,6 @@ def _time(run: Any) -> Array:
 def _label(run: Any) -> str:
     """The name of the axis of `_time`."""
     return time_label(run) if run.t.ndim == 1 else r"fictive time $\tau$" if "tau" in vars(run) else "sample"
-
-
-def _least() -> float:
-    """The height at which a change of zero is drawn."""
-    return 0.1 * EPSILON
 
 
 def _names(run: Any, names: Sequence[str] | None) -> list[str]:

@@ -28,6 +28,7 @@ from ...formulas.classes.derived import closed_form_of, derived, derived_from
 from ...formulas.derivatives import tangent
 from ...formulas.numbers.bases import Pair
 from ...formulas.numbers.series import Series
+from ...formulas.numbers.sizes import EPSILON
 from ...formulas.vectors import Vec as SmallVec
 from ...formulas.vectors import small
 from ...solvers import correction, newton
@@ -42,8 +43,6 @@ INDEPENDENT = 2.0**-40
 """Constraints are dependent if what elimination leaves of one of them is below this, relative to
 what it was.
 """
-
-EPSILON = float(np.finfo(float).eps)
 
 AGAIN = 4
 """Turns in which a momentum is brought into the tangent space of constraints nearly parallel."""
@@ -134,7 +133,7 @@ class ConstrainedSystem(CanonicalSystem):
         G, across = self.constraint_jacobian(q), self.normals(q, p)
         x, pivots = eliminated(cross_products(G, across), change)
         if not independent(pivots, G, across):
-            raise InconsistentState(self._dependence(q, p))
+            raise InconsistentState(self._dependence(q))
         return x
 
     @final
@@ -203,7 +202,7 @@ class ConstrainedSystem(CanonicalSystem):
         G, v, across = self.constraint_jacobian(q), self.velocity(q, p), self.normals(q, p)
         x, pivots = eliminated(cross_products(G, across), G @ v)
         if not independent(pivots, G, across):
-            raise InconsistentState(self._dependence(q, p))
+            raise InconsistentState(self._dependence(q))
         if self.linear_velocity:
             return -(x @ G), pivots
         weights = inverse_sizes(G, v, 0.0 * v)
@@ -384,10 +383,10 @@ class ConstrainedSystem(CanonicalSystem):
             bad = np.flatnonzero(~(np.abs(left[:, k, k]) > INDEPENDENT * sizes[:, k]))
             if len(bad):
                 member = "" if one else f"member {bad[0]}: "
-                raise InvalidInput(f"{where}: {member}{self._dependence(small(q[bad[0]]), small(p[bad[0]]))}")
+                raise InvalidInput(f"{where}: {member}{self._dependence(q[bad[0]])}")
             left[:, k + 1 :] -= left[:, k + 1 :, k, None] / left[:, k, k, None, None] * left[:, k, None, :]
 
-    def _dependence(self, q: Any, p: Any) -> str:
+    def _dependence(self, q: Any) -> str:
         """Which constraint follows from which others, in words; for messages."""
         G = np.array(self.constraint_jacobian(small(np.array(q, dtype=float))))
         rows = G / (np.linalg.norm(G, axis=1, keepdims=True) + (np.abs(G).max(axis=1, keepdims=True) == 0.0))

@@ -12,6 +12,7 @@ import numpy as np
 from ...errors import GradientWarning, IncompatibleSystem, InvalidInput, warn
 from ...formulas.classes.frozen import frozen
 from ...formulas.classes.layouts import layout_of
+from ...formulas.numbers.sizes import EPSILON
 from ...simulation import arguments
 from ...simulation.compiled.parameters import full_name
 from ...simulation.result import of_some
@@ -116,8 +117,6 @@ def gradient_of(
         by_name["start"] = by_name["start"][0]
     return Gradient(objective.value, by_name, forward.run, float(np.linalg.norm(back.growth, 2, axis=(1, 2)).max()))
 
-
-EPSILON = float(np.finfo(float).eps)
 
 DOUBTFUL = 1e-6
 """Part of a gradient that rounding may take before somebody is warned."""

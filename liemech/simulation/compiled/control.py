@@ -7,7 +7,6 @@ t_end.
 
 from __future__ import annotations
 
-import sys
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from ...errors import StepTooSmall, is_mistake
 from ...formulas import Record, record, where
 from ...formulas.classes.layouts import layout_of
 from ...formulas.numbers.conversions import fitted, rounded
+from ...formulas.numbers.sizes import EPSILON
 
 SAFETY, SLOWEST, FASTEST = 0.9, 0.2, 10.0
 """The controller aims at 0.9 of the step that would just be accepted, and changes steps by factors
@@ -34,12 +34,8 @@ Python is to make it: it may be able to (integers without end), or knows what fa
 STILL = 1000.0
 """Steps without a change of the physical time after which a run to a given time is ended."""
 
-ULP = 2.0**-52
-
 TURNS = 60
 """Trials after which the step to a given time is taken as it is; a good one needs five."""
-
-EPSILON = sys.float_info.epsilon
 
 
 @record
@@ -345,7 +341,7 @@ def landed(method: Any, system: Any, memory: Any, h: float, target: float) -> tu
         if not (min(low, high) < new < max(low, high)):
             new = 0.5 * (low + high)
         turns = turns + 1
-        done = error == 0.0 or abs(new - s) <= ULP * abs(s) or turns >= TURNS
+        done = error == 0.0 or abs(new - s) <= EPSILON * abs(s) or turns >= TURNS
         if not done:
             before, error_before, s = s, error, new
     return shown, s

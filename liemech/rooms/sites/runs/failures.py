@@ -7,8 +7,9 @@ from typing import Any
 
 from ....compiler import kernel
 from ....errors import NoConvergence, NotFinite, is_mistake
+from ....formulas.numbers.sizes import EPSILON
 from ....formulas.sites import FEW, TooManySites, one_site
-from ....simulation.compiled.control import ANEW, EPSILON, MARK, REJECTED, STEP, STUCK, TIME, to_try
+from ....simulation.compiled.control import ANEW, MARK, REJECTED, STEP, STUCK, TIME, to_try
 from ....simulation.compiled.driver import advance
 from ....simulation.runs.course import told
 from ....simulation.runs.tolerance import too_small
