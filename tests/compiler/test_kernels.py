@@ -19,9 +19,10 @@ import liemech as lm
 from liemech.compiler import kept, kernel
 from liemech.compiler.changes import cache
 from liemech.compiler.driver import read, write
-from liemech.compiler.machine.cache_lines import LINE, WORTH, in_lines
+from liemech.compiler.machine.cache_lines import WORTH, in_lines
 from liemech.formulas import Vec, vec
 from liemech.formulas.classes.layouts import layout_of
+from liemech.formulas.sites import LINE
 
 pytestmark = pytest.mark.compiled
 
@@ -196,6 +197,6 @@ def test_large_arrays_begin_a_line_of_the_cache(shape: tuple[int, ...]) -> None:
     for array in arrays:
         assert array.shape == shape and array.flags.c_contiguous and array.flags.writeable
         if array.size >= WORTH:
-            assert array.ctypes.data % (8 * LINE) == 0
+            assert array.ctypes.data % LINE == 0
     arrays[0][...], arrays[1][...] = 1.0, 2.0
     assert (arrays[0] == 1.0).all() and (arrays[1] == 2.0).all()

@@ -4,24 +4,16 @@ lies in one line there, and in two where arrays of NumPy begin, in three of four
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from ..kernel import address
-
-LINE = 8
-"""Numbers in a line of the cache."""
+from ...formulas.sites import room
 
 WORTH = 2**14
 """Numbers of an array that are worth the microsecond which it takes to find the line."""
 
 
 def in_lines(*shape: int) -> np.ndarray:
-    """An array of floats, as np.empty makes it; a large one begins a line."""
-    size = 1
-    for n in shape:
-        size *= n
-    if size < WORTH:
-        return np.empty(shape)
-    room = np.empty(size + LINE)
-    begin = -(address(room) // 8) % LINE
-    return room[begin : begin + size].reshape(shape)
+    """An array of floats to be filled; a large one begins a line."""
+    return np.empty(shape) if math.prod(shape) < WORTH else room(*shape)
