@@ -52,13 +52,9 @@ class PhaseSpace(System):
         """Positions and momenta: (n, n)."""
         return self.degrees, self.degrees
 
-    @property
+    @shared_property
     def group(self) -> VectorSpace:
         """The group of displacements, R^2n under addition."""
-        return self._phase_space
-
-    @shared_property
-    def _phase_space(self) -> VectorSpace:
         return VectorSpace(2 * self.degrees)
 
     @final

@@ -49,13 +49,9 @@ class MotionOfPoints(System):
         """The dimension n of the points y."""
         raise NotDefined(f"{type(self).__name__} must say its dimension, dim: ClassVar[int] = 3")
 
-    @property
+    @shared_property
     def group(self) -> VectorSpace:
         """The group of displacements, R^n under addition."""
-        return self._space
-
-    @shared_property
-    def _space(self) -> VectorSpace:
         return VectorSpace(self.dim)
 
     @final

@@ -111,13 +111,9 @@ class SundmanTransformed(InFictiveTime):
     def side(self) -> str:  # type: ignore[override]
         return self.system.side
 
-    @property
+    @shared_property
     def group(self) -> LieGroup:
         """The group of the system, and R for the time."""
-        return self._with_time
-
-    @shared_property
-    def _with_time(self) -> LieGroup:
         group = self.system.group
         if isinstance(group, VectorSpace):
             return VectorSpace(group.dim + 1)
