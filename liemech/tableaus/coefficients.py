@@ -7,7 +7,11 @@ from typing import TYPE_CHECKING, Any, Self
 
 from ..errors import InvalidInput, InvalidType, LawViolation, NotDefined
 from ..formulas import Record, record
+from ..formulas.numbers.sizes import EPSILON
 from .trees import Row
+
+CLOSE = 64.0 * EPSILON
+"""The part of its terms by which a condition of order may be missed."""
 
 
 @record

@@ -15,18 +15,15 @@ from __future__ import annotations
 
 import math
 import operator
-import sys
 from functools import cached_property
 from typing import Any
 
 from ..errors import InvalidInput, InvalidType, LawViolation
 from ..formulas import record
-from .coefficients import Coefficients, numbers
+from .coefficients import CLOSE, Coefficients, numbers
 from .trees import Row
 
 Word = tuple[int, ...]  # the degrees of its letters
-
-_CLOSE = 64.0 * sys.float_info.epsilon
 
 
 @record
@@ -104,7 +101,7 @@ class CompositionTableau(Coefficients):
         weights, sizes = self._found
         for word in _words(degree, self._letters):
             exact = exact_weight(word)
-            if not abs(weights[word] - exact) <= _CLOSE * (sizes[word] + abs(exact)):
+            if not abs(weights[word] - exact) <= CLOSE * (sizes[word] + abs(exact)):
                 return f"the word {' '.join(f'Y_{k}' for k in word)} has the weight {weights[word]:.17g} and needs {exact:.17g}"
         return ""
 

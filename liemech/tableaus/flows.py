@@ -16,19 +16,16 @@ from __future__ import annotations
 
 import functools
 import math
-import sys
 from collections.abc import Callable
 from functools import cached_property
 
 from ..errors import InvalidType, LawViolation
 from ..formulas import record
-from .coefficients import Coefficients, numbers
+from .coefficients import CLOSE, Coefficients, numbers
 from .trees import Row
 
 Rows = tuple[Row, ...]
 Word = tuple["Word", ...]  # of ordered trees; a tree is the word of its branches
-
-_CLOSE = 64.0 * sys.float_info.epsilon
 
 
 @record
@@ -116,7 +113,7 @@ class FlowTableau(Coefficients):
         weight, size = self._weights(float), self._weights(abs)
         for word in (word for n in range(1, self.order + 1) for word in words(n)):
             actual, exact = weight(word), exact_weight(word)
-            if not abs(actual - exact) <= _CLOSE * (size(word) + exact):
+            if not abs(actual - exact) <= CLOSE * (size(word) + exact):
                 fails = f"the word {text(word)} has the weight {actual:.16g}, not {exact:.16g}"
                 raise LawViolation(f"{self.name} is not of order {self.order}: {fails}")
 

@@ -18,18 +18,15 @@ from __future__ import annotations
 
 import itertools
 import math
-import sys
 from functools import cached_property
 
 import numpy as np
 
 from ..errors import InvalidInput, LawViolation
 from ..formulas import record
-from .coefficients import Coefficients, numbers
+from .coefficients import CLOSE, Coefficients, numbers
 from .compositions import CompositionTableau
 from .trees import Row
-
-_CLOSE = 64.0 * sys.float_info.epsilon
 
 _TRIPLE = {"BBBA": 1.0, "BBAB": -3.0, "BABB": 3.0, "ABBB": -1.0}
 """[B, [B, [B, A]]] as a sum of words."""
@@ -178,7 +175,7 @@ class SplittingTableau(Coefficients):
             for direction in _indifferent(length):
                 residuals = residuals - (direction @ residuals) * direction
         worst = int(np.argmax(np.abs(residuals)))
-        if abs(residuals[worst]) <= _CLOSE * (sizes.max() + 1.0 / math.factorial(length)):
+        if abs(residuals[worst]) <= CLOSE * (sizes.max() + 1.0 / math.factorial(length)):
             return ""
         return f"the word {words[worst]} has a weight that is off by {residuals[worst]:.2g}"
 

@@ -17,6 +17,7 @@ from ...formulas.elimination import INFINITE, inverse, solve_matrix
 from ...formulas.numbers.bases import InMemory, raise_if
 from ...formulas.numbers.double_double import is_long
 from ...formulas.sums import antisymmetric_map, bilinear, bilinear_map, entries, linear, scaled, total
+from ..ad_series import ROUGH
 from ..bernoulli import BERNOULLI
 from ..lie_algebra import Constants, LieAlgebra
 from . import matrix_arrays
@@ -25,9 +26,6 @@ from .matrix_functions import LOST, digits, expm1, frobenius2, phi1m, plus
 
 EVEN = BERNOULLI[2::2]
 """B_2k/(2k)!, k = 1, 2, ...: the coefficients of dexp^-1 but the first two."""
-
-ROUGH = 2.0**-72
-"""(2^-36)^2: the square of what an iteration does not feel."""
 
 
 @record
