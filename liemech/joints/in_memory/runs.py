@@ -319,6 +319,9 @@ class LinksRun(SiteRun):
             )
         label = system.label(int(joint))
         if reached == DEAD_POINT:
+            velocity = self.of.velocity
+            if not np.isfinite(velocity.array[velocity.rows, : self.count]).all():
+                return NotFinite(OVERFLOW)
             return NoConvergence(
                 f"{method}: at {label} conditions depend on those of other joints, so that there are no "
                 f"multipliers: a dead point{self._left}"
