@@ -35,7 +35,7 @@ class Bond(Term):
 
 
 def compared(full: bool) -> Iterator[Compared]:
-    """Those of the linearised equations; the zero, where two eigenvalues meet, has half of the digits."""
+    """Frequencies of the linearised equations; the zero, where two eigenvalues meet, has half of the digits."""
     kx, ky, kz = 2.0 * np.pi * np.indices(SHAPE) / np.reshape(SHAPE, (3, 1, 1, 1))
     z, c = J * (np.cos(kx) + np.cos(ky)) + ACROSS * np.cos(kz), 1.0 - 2.0 * X
     w, B = 8.0 * (1.0 - X) * X * (2.0 * J + ACROSS), np.array([2.0 * z, 2.0 * c**2 * z])
