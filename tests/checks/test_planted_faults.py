@@ -533,8 +533,8 @@ class Damped(lm.LieRATTLE):
 class Unprojected(lm.LieRATTLE):
     """The velocity at the end of a step is left as it is."""
 
-    def _excess(self, system: Any, rows: Any, mu: lm.Vec) -> Any:
-        return 0.0 * super()._excess(system, rows, mu)
+    def _projected(self, system: Any, rows: Any, mu: lm.Vec) -> Any:
+        return mu
 
 
 @lm.record
