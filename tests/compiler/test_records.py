@@ -606,7 +606,7 @@ class ByPlace(lm.Hamiltonian):
         return Scaled(self.first, 0.7).total(mu)
 
 
-@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
 def test_places_of_fields_do_not_count_those_that_are_given_by_name(compiled: bool) -> None:
     """Native code took the first number for the field that has no place."""
     mu = np.array([0.5, 0.4, 0.8])
