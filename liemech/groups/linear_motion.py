@@ -6,8 +6,7 @@ from typing import Any
 
 from ..errors import NoConvergence
 from ..formulas import Vec, vec
-from ..formulas.numbers.bases import Pair
-from ..formulas.numbers.dual import is_series
+from ..formulas.numbers.dual import Dual, is_series
 from ..formulas.numbers.products import Products
 from ..formulas.numbers.series import Series
 
@@ -60,7 +59,7 @@ def linear_motion(structure: Any, y: Vec, p: Vec) -> tuple[Vec, Vec]:
 def motion_terms(structure: Any, y: Vec, p: Vec, number: int) -> list[Vec]:
     """y_1, ..., y_number of the motion y' = B(y) p from y.  y, p : (n,)."""
     products = Products()
-    carries = any(isinstance(c, Pair) and not is_series(c) for c in y)  # derivatives, as the structure may, too
+    carries = any(isinstance(c, Dual) and not is_series(c) for c in y)  # derivatives, as the structure may, too
     at, covector = [
         vec(*[Series.begun(c, products) if carries else Series(c).among(products) for c in x]) for x in (y, p)
     ]

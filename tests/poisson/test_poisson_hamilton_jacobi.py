@@ -253,6 +253,17 @@ def test_a_guiding_centre() -> None:
     assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.05)
 
 
+def test_numbers_of_two_doubles_where_the_motion_is_a_series() -> None:
+    """To the rounding of a double, to which series are made."""
+    system = lm.models.TodaLattice(particles=3, periodic=False)
+    start, options = system.state([0.4, 0.5, 0.25, -0.15, 0.05]), {"h": 0.1, "steps": 3, "compiled": False}
+    ends = [
+        lm.integrate(system, lm.PoissonHamiltonJacobi(2), start, precision=precision, **options).y[-1]
+        for precision in ("double", "double-double")
+    ]
+    assert np.allclose(*ends, rtol=0.0, atol=4e-16)
+
+
 @pytest.mark.slow
 def test_bodies_of_an_ensemble_and_times_between_steps() -> None:
     """Members side by side have the bits of each alone."""
