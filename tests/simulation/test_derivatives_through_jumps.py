@@ -240,6 +240,36 @@ def test_two_burns_of_a_stage_on_an_orbit_of_kepler(method: Any, options: Any) -
         close(found[:, k], lambda x, u=unit: end(z + x * u), 4e-6, 1e-8 if "h" in options else 2e-6)
 
 
+@lm.record
+class Fast(lm.CotangentSystem):
+    """A particle near the speed of light in the plane, H = sqrt(1 + p^2)."""
+
+    configurations: ClassVar[lm.LieGroup] = lm.VectorSpace(2)
+
+    def energy(self, mu: lm.Vec, g: Any) -> float:
+        return lm.formulas.sqrt(1.0 + lm.dot(mu, mu))
+
+
+def test_the_impulse_of_an_energy_that_is_not_quadratic_has_a_derivative() -> None:
+    """Behind the floor p_x stays, and p_y = u sqrt((1 + p_x^2)/(1 - u^2)) with the speed u = -e v_y."""
+    particle, e, t_end = Fast(), 0.5, 2.0
+
+    def exact(p: np.ndarray, x: np.ndarray) -> np.ndarray:
+        v = p / np.sqrt(1.0 + p @ p)
+        met, u = -x[1] / v[1], -e * v[1]
+        after = np.array([p[0], u * np.sqrt((1.0 + p[0] ** 2) / (1.0 - u * u))])
+        later = after / np.sqrt(1.0 + after @ after) * (t_end - met)
+        return np.array([*after, x[0] + v[0] * met + later[0], later[1]])
+
+    p, x = np.array([1.0, -2.0]), np.array([0.0, 1.0])
+    floor = lm.impact(particle, lambda t, state: state.g[1], e)
+    plan = lm.Plan(particle, lm.RKMK(order=4), h=0.1, events=floor, compiled=False)
+    run = plan.tangent(particle.state(mu=p, g=x), steps=20)
+    assert np.array([*run.mu[-1], *run.g[-1]]) == pytest.approx(exact(p, x), abs=1e-12)
+    for k, unit in enumerate(np.eye(4)):
+        close(run.tangent["start"][-1][:, k], lambda s, u=unit: exact(p + s * u[:2], x + s * u[2:]), 1e-3)
+
+
 def test_grazing_is_refused_by_name_and_so_is_what_has_no_derivative() -> None:
     """A ball that turns at the very height of a ceiling: of its time there is no derivative."""
 
