@@ -147,9 +147,9 @@ class Trajectory:
 
     def _by_site(self, name: str, array: np.ndarray) -> np.ndarray:
         """A part of the state with an axis of sites, if there are such."""
-        return (
-            array if name in self.observed else part_with_sites(self.system, name, array, 2 + (self.bodies is not None))
-        )
+        if name in self.observed:
+            return array
+        return part_with_sites(self.system, name, array, 2 + (self.bodies is not None))
 
     @property
     def _laws(self) -> Any:

@@ -39,9 +39,8 @@ class Hamiltonian(Record):
         """The velocity, were a site that is held free."""
         return self.gradient(mu)
 
-    by_pairs: ClassVar[bool] = (
-        False  # does it know velocities as pairs, `velocity_pair`, of a group over the dual numbers?
-    )
+    # does it know velocities as pairs, `velocity_pair`, of a group over the dual numbers?
+    by_pairs: ClassVar[bool] = False
 
     @derived
     def velocity_matrix(self, algebra: Any, m: Mat) -> Mat:

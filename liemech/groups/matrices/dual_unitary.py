@@ -29,14 +29,14 @@ class DualUnitary(MatrixLieGroup):
     Ratiu, section 14.3 (traces as Casimir functions).
     """
 
+    over_duals: ClassVar[bool] = True
+
     n: int
 
     __repr__ = named_by_size
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "n", whole_number(type(self).__name__, self.n, SMALL // 2 + 1))
-
-    over_duals: ClassVar[bool] = True
 
     @cached_property
     def maps(self) -> tuple[LinearMap, ...]:

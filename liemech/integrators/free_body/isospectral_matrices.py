@@ -69,7 +69,7 @@ def midpoint_sweep(system: Any, w0: Mat, w: Mat, h: float) -> tuple[tuple[Mat, M
     p = each(lambda x: (0.5 * h) * x, velocity_of(system, w))
     pw = product(p, w)
     pwp = product(pw, p)
-    if system.group.over_duals or system.group.keeps_lengths:
+    if by_antihermitian(system):
         turned = each(antihermitian, pw)
         new = each(lambda a, b, c: (a - b) + 0.5 * antihermitian(c), w0, turned, pwp)
     else:
@@ -127,7 +127,7 @@ def stages_sweep(
         w = each(lambda a, b: a + b, w0, conjugated(system, w0, q, r))
         b = each(lambda x: (-h) * x, velocity_of(system, w))
         new: tuple[Mat, ...] = (each(lambda x, y: x + y, b, product(b, q)),)
-        if not (system.group.over_duals or system.group.keeps_lengths):
+        if not by_antihermitian(system):
             new = (*new, -(b + r @ b))
         for a, c in zip(new, found[i]):
             change, size = change + apart2(a, c), size + size2(a)
@@ -150,9 +150,14 @@ def conjugated(system: Any, w: Mat, q: Mat, r: Mat) -> Mat:
     """(1 + q) W (1 + r) - W."""
     left = product(q, w)
     both = product(left, r)
-    if system.group.over_duals or system.group.keeps_lengths:
+    if by_antihermitian(system):
         return each(lambda a, b: antihermitian(a) + 0.5 * antihermitian(b), left, both)
     return (left + w @ r) + both
+
+
+def by_antihermitian(system: Any) -> bool:
+    """Whether velocities are antihermitian, as matrices or as both matrices of a pair: then R is the adjoint of Q."""
+    return system.group.over_duals or system.group.keeps_lengths
 
 
 def in_group(system: Any, x: Any) -> Mat:

@@ -231,7 +231,7 @@ class Isospectral(Implicit):
             if self.order == 2:
                 return w
             b = isospectral_matrices.each(lambda x: (-h) * x, isospectral_matrices.velocity_of(system, w))
-            both = (b,) if system.group.over_duals or system.group.keeps_lengths else (b, -b)
+            both = (b,) if isospectral_matrices.by_antihermitian(system) else (b, -b)
             return (both,) * (self.order // 2)
         first = system.group.algebra.hat(-h * system.velocity(state.mu))
         return tuple([first for _ in range(self.order // 2)])
