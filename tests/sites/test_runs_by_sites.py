@@ -12,7 +12,7 @@ from terms_of_spins import Exchange, Zeeman
 
 import liemech as lm
 from liemech.compiler import kernel
-from liemech.errors import IncompatibleSystem, InvalidInput, NotFinite
+from liemech.errors import IncompatibleSystem, InvalidInput, NotCompiledWarning, NotFinite
 from liemech.rooms.sites.runs import execution, samples
 from liemech.rooms.sites.runs import run as run_of_sites
 from liemech.systems.lie_poisson import BodyState
@@ -290,6 +290,24 @@ def test_a_loop_of_single_steps_becomes_native(monkeypatch: pytest.MonkeyPatch) 
         for _ in range(3):
             body.step()
         assert body._here.compiled is (seconds < 1.0)
+
+
+@lm.record
+class Listed(lm.Term):
+    def energy(self, a: Any, b: Any) -> float:
+        return -lm.dot(a.mu, b.mu) * len({"no set": 1.0}.keys() | {"no set"})
+
+
+@native
+def test_a_loop_of_single_steps_that_cannot_be_native_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(execution, "WAIT", 1e-9)
+    monkeypatch.setattr(execution, "WORTH", 10**6)
+    system = lm.LiePoissonSystem(lm.SO3() ** N, lm.Terms(Listed().over(lm.neighbours.ring(N))))
+    body = lm.Plan(system, lm.RKMK(order=2), h=0.05).stepper(system.state(mu=directions()))
+    with pytest.warns(NotCompiledWarning, match="Running in plain Python"):
+        for _ in range(3):
+            body.step()
+    assert body.steps == 3
 
 
 def test_stepper_before_a_step_that_fails() -> None:

@@ -43,11 +43,14 @@ class SiteExecution(Execution):
         native = self.native
         if native is None and self.asked is not False and kernel.available() is None:
             native = kernel.stored(*self.call, lanes=self.lanes)
-            if native is None and (work >= WORTH or self.history.seconds >= WAIT):
+            if native is None and work >= WORTH:
                 demanded = like(self, wanted=True)
                 demanded.compile()  # or the reason why not
                 native = demanded.native
             self.native = native
+            if self.history.seconds >= WAIT:  # a loop goes on in plain Python, with a warning, if it has to
+                self.compile()
+                native = self.native
         return native
 
     @contextmanager
