@@ -48,7 +48,8 @@ class JointAngle(Record):
 class JointMotion:
     """A joint of a linkage along a run; what is asked for is computed then.
 
-    All arrays are (n, ...) as the samples; of joints that leave several motions free, (n, freedoms).
+    All arrays are (n, ...) as the samples; of joints that leave several motions free, (n, freedoms).  Of a stepper, which
+    stands at one time, they are without the axis of samples.
 
     Source: Featherstone, Rigid Body Dynamics Algorithms (2008), chapters 3 and 4.
     """
@@ -59,7 +60,7 @@ class JointMotion:
     at: AtJoint
 
     def __repr__(self) -> str:
-        return f"JointMotion({self.linkage.label(self.number)}, {len(self.run)} samples)"
+        return f"JointMotion({self.linkage.label(self.number)}, {told(self.run)})"
 
     def only(self, force: Any) -> JointMotion:
         """This motion with the torque, power and work of one force alone, or of those of a class such
@@ -74,7 +75,7 @@ class JointMotion:
         over whole turns: from sample to sample by the turn that is nearest to what the rates say.
         """
         q, turning = self.at.angles(self._t, self.run.g), [*self.at.joint.angles]
-        if turning:
+        if turning and np.ndim(self._t):
             q, rate = np.array(q), self._rates[..., turning]
             angles = q[..., turning]
             steps = np.diff(np.broadcast_to(self._t.reshape(*self._t.shape, 1), angles.shape), axis=0)
@@ -197,7 +198,7 @@ class LinkMotion:
     def __repr__(self) -> str:
         name = self.linkage.links[self.number].name
         label = f"link {self.number}" if name is None else f"link {name!r}"
-        return f"LinkMotion({label}, {len(self.run)} samples)"
+        return f"LinkMotion({label}, {told(self.run)})"
 
     @cached_property
     def pose(self) -> np.ndarray:
@@ -243,8 +244,17 @@ class LinkMotion:
         return np.asarray(x)[..., 6 * self.number : 6 * self.number + 6]
 
 
+def told(run: Any) -> str:
+    """The number of samples of a run, or the time at which a stepper stands."""
+    return f"{len(run.t)} samples" if np.ndim(run.t) else f"t = {run.t}"
+
+
 def work_of(run: Any, power: np.ndarray) -> np.ndarray:
     """The work of a power from the first sample on; in an ensemble whose bodies have times of their own, of each by these."""
+    if not np.ndim(run.t):
+        raise InvalidInput(
+            "Stepper.joint, Stepper.link: at one time there is a power and no work; `plan.run(...)` has it"
+        )
     if run.t.ndim == 2:
         return np.stack([_integral(t, p) for t, p in zip(run.t.T, power.T)], axis=-1)
     return _integral(run.t, power)

@@ -796,6 +796,27 @@ class Linkage(ConstrainedBody):
             )
         return JointAngle(AtJoint(member, ()), freedom, float(level), terminal, float(direction))
 
+    def angles_of(self, g: Element, t: float = 0.0) -> Vec:
+        """The coordinates q of all joints, in their order, (freedoms of all,): angles in rad within half a turn of zero,
+        shifts in m.
+
+        g : poses of the bodies, (16 N,).  t : the time, which joints in a given motion ask for.
+
+        Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 3.5.
+        """
+        return vec(*[q for joint in self.joints if joint.freedoms > 0 for q in AtJoint(joint, ()).angles(t, g)])
+
+    def rates_of(self, mu: Vec, g: Element, t: float = 0.0) -> Vec:
+        """The rates of all joints, in their order, in rad/s and m/s, (freedoms of all,); of a ball joint the angular
+        velocity of the first body against the second, in the axes of the first.
+
+        Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 3.5.
+        """
+        xi = self.velocity(mu)
+        return vec(
+            *[pace for joint in self.joints if joint.freedoms > 0 for pace in AtJoint(joint, ()).rates(t, g, xi)]
+        )
+
     def poses(self, g: Any) -> np.ndarray:
         """The poses of the bodies.  g : (..., 16 N);  returns (..., N, 4, 4)."""
         array = real_array(g, "Linkage.poses: g")

@@ -1,5 +1,7 @@
 """Bodies of a linkage along a run: the load on each, its power and work."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -43,3 +45,74 @@ def test_energy_changes_by_the_work_of_loads(load):
     assert np.array_equal(run.link(1).pose[:, 3], [[0.0, 0.0, 0.0, 1.0]] * len(run))
     with pytest.raises(lm.errors.InvalidInput, match="no link 'arm'"):
         run.link("arm")
+
+
+def test_angles_and_rates_are_those_of_which_a_state_is_made():
+    up, across = [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]
+    low, top = [0.0, 0.0, -0.5], [0.0, 0.0, 0.5]
+    joints = [
+        lm.joints.RevoluteJoint(0, None, low, [0.0] * 3, across, across),
+        lm.joints.PrismaticJoint(1, 0, low, top, up, np.eye(3)),
+        lm.joints.UniversalJoint(2, 1, low, top, across, [0.0, 1.0, 0.0]),
+        lm.joints.BallJoint(3, 0, low, top),
+        lm.joints.FixedJoint(4, 3, low, top),
+    ]
+    tree = lm.joints.Linkage([lm.joints.Link(1.0 + k, [0.1, 0.12, 0.15]) for k in range(5)], joints)
+    rng = np.random.default_rng(3)
+    counts = [joint.freedoms for joint in joints]
+    q, rates = [[rng.uniform(-1.2, 1.2, n) for n in counts if n] for _ in range(2)]
+    state = tree.state(angles=dict(enumerate(q)), rates=dict(enumerate(rates)))
+    mu, g = np.array(state.mu), np.array(state.g)
+    np.testing.assert_allclose(tree.angles_of(g), np.concatenate(q), atol=1e-14)
+    np.testing.assert_allclose(tree.rates_of(mu, g), np.concatenate(rates), atol=1e-13)
+    assert tree.angles_of([g, g]).shape == tree.rates_of([mu, mu], [g, g]).shape == (2, sum(counts))
+
+
+@pytest.mark.parametrize("method", [lm.LieRATTLE(), lm.RKMK(order=4)], ids=repr)
+def test_a_stepper_tells_of_joints_and_links_what_a_run_does(method):
+    rods = lm.joints.chain(2, axis=[0.0, 1.0, 0.0])
+    joint = [replace(rods.joints[0], name="shoulder"), rods.joints[1]]
+
+    def arm(torque):
+        forces = [lm.joints.Motor("shoulder", torque), lm.joints.Damper(1, 0.1)]
+        return lm.joints.Linkage(rods.links, joint, forces=forces, load={1: Drag(0.05)})
+
+    plan = lm.Plan(arm(0.5), method, h=0.01, compiled=False)
+    start = plan.system.state(angles={0: 0.3}, rates={1: 0.7})
+    loop = plan.stepper(start)
+    loop.step(2)
+    loop.step(1, **{"shoulder.torque": 2.0})
+    before = plan.run(start, steps=2)
+    run = plan.replace(system=arm(2.0)).run(before.last, t0=before.t[-1], steps=1)
+    for name in ("angle", "rate", "torque", "reaction", "moment", "power"):
+        for j in ("shoulder", 1):
+            np.testing.assert_allclose(
+                getattr(loop.joint(j), name), getattr(run.joint(j), name)[-1], rtol=1e-13, atol=1e-13
+            )
+    assert loop.joint("shoulder").torque == 2.0 and np.ndim(loop.joint(1).rate) == 0
+    for name in ("pose", "velocity", "load", "power"):
+        np.testing.assert_allclose(getattr(loop.link(1), name), getattr(run.link(1), name)[-1], rtol=1e-13, atol=1e-13)
+    assert repr(loop.joint("shoulder")) == f"JointMotion(joint 'shoulder', t = {loop.t})"
+    for motion in (loop.joint(0), loop.link(1)):
+        with pytest.raises(lm.errors.InvalidInput, match="at one time there is a power and no work"):
+            motion.work  # noqa: B018
+    with pytest.raises(lm.errors.InvalidInput, match="no joint 'elbow'"):
+        loop.joint("elbow")
+
+
+def test_a_stepper_of_many_linkages_has_a_row_for_each():
+    arm = lm.joints.chain(2, axis=[0.0, 1.0, 0.0])
+    starts = [arm.state(angles={0: q}, rates={1: 0.5 + q}) for q in (0.1, 0.2, 0.3)]
+    g = np.array([s.g for s in starts])
+    plan = lm.Plan(arm, lm.RKMK(order=4), h=0.01, compiled=False)
+    loop = plan.stepper(arm.state(np.array([s.mu for s in starts]), g))
+    np.testing.assert_allclose(loop.joint(0).angle, [0.1, 0.2, 0.3], atol=1e-15)
+    np.testing.assert_allclose(loop.joint(1).rate, [0.6, 0.7, 0.8], atol=1e-14)
+    assert loop.link(1).pose.shape == (*g.shape[:1], 4, 4)
+
+
+def test_bodies_without_joints_say_so():
+    plan = lm.Plan(lm.RigidBody([1.0, 2.0, 3.0]), lm.RKMK(order=4), h=0.1, compiled=False)
+    loop = plan.stepper(plan.system.state(mu=[1.0, 0.0, 0.5], g=np.eye(3)))
+    with pytest.raises(lm.errors.InvalidInput, match="has no joints"):
+        loop.joint(0)

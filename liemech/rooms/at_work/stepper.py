@@ -149,6 +149,31 @@ class Stepper:
             self._settle()
             return self._plan
 
+    def joint(self, name: str | int) -> Any:
+        """A joint of a linkage, by its name or number, in the state at this time: its `angle` and `rate`, `torque`,
+        `reaction`, `moment` and `power`, as `Trajectory.joint` has them of each sample.  Angles lie within half a turn of
+        zero.
+
+        Raises InvalidInput for systems without joints and for unknown names.
+        """
+        return self._of_linkage("joint", "motion_at", name)
+
+    def link(self, name: str | int) -> Any:
+        """A body of a linkage, by its name or number, in the state at this time: its `pose`, `velocity`, `load` and `power`.
+
+        Raises InvalidInput for systems without links and for unknown names.
+        """
+        return self._of_linkage("link", "link_at", name)
+
+    def _of_linkage(self, noun: str, method: str, name: str | int) -> Any:
+        """A joint or a link in the state at this time."""
+        with self._lock:
+            system = self.plan._one
+            motion = getattr(system, method, None)
+            if motion is None:
+                raise InvalidInput(f"Stepper.{noun}: {system!r} has no {noun}s")
+            return motion(AtOneTime(system, np.float64(self.t), self.mu, self.g), name)
+
     def refresh(self) -> None:
         """Look again at what formulas read from outside: the next steps are made with what is there
         now.
@@ -351,6 +376,27 @@ def _unpickled(first_plan: Any, first_carry: Any, plan: Any, carry: Any, names: 
     for name in names:
         stepper._input(name)
     return stepper
+
+
+class AtOneTime(NamedTuple):
+    """The state of a linkage at one time, where `JointMotion` and `LinkMotion` have the samples of a run.
+
+    t : 0-d.  mu, g : of one linkage, (dim,) and (16 N,), or of an ensemble, with an axis before.
+    """
+
+    system: Any
+    t: Any
+    mu: np.ndarray
+    g: np.ndarray
+    bodies: None = None
+
+    def __repr__(self) -> str:
+        return f"t = {self.t}"
+
+    @property
+    def multipliers(self) -> Any:
+        """The multipliers of the joints' conditions."""
+        return self.system.multipliers(self.mu, self.g, float(self.t))
 
 
 class Held(NamedTuple):
