@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import field
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType
 from ..formulas import Mat, Record, Vec, real_array, record
+from ..formulas.calls.arguments import whole
 from ..groups.rigid.se3 import SE3
 from ..systems.inertia import checked_inertia
 
@@ -104,3 +106,18 @@ def _require_place(self: Any, name: str) -> None:
     pose = real_array(self.pose, f"{name}: pose")
     if pose.shape != (4, 4) or not SE3().contains(pose):
         raise InvalidInput(f"{name}: pose must be [[R, p], [0, 1]], (4, 4); got {pose.tolist()}")
+
+
+def number_of(items: tuple[Any, ...], item: str | int, what: str = "joint") -> int:
+    """The number of a joint, or a link, that is given by its name, or by its number."""
+    names = [entry.name for entry in items]
+    if isinstance(item, str) and item in names:
+        return names.index(item)
+    with suppress(TypeError):
+        if 0 <= (number := whole(item)) < len(names):
+            return number
+    listing = ", ".join(repr(name) for name in names if name is not None)
+    raise InvalidInput(
+        f"Linkage: there is no {what} {item!r}; there are {len(names)}, numbered from 0"
+        + (f", with the names {listing}" if listing else "")
+    )

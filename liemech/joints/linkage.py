@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import field, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -12,7 +11,7 @@ import numpy as np
 
 from ..errors import InconsistentState, InvalidInput, InvalidType, NoConvergence
 from ..formulas import Element, Vec, check_finite, dot, real_array, record, vec, vectors
-from ..formulas.calls.arguments import ordinary, whole
+from ..formulas.calls.arguments import ordinary
 from ..formulas.classes.derived import is_derived
 from ..formulas.classes.records import with_fields
 from ..formulas.numbers.anything import indices_in, traced
@@ -41,8 +40,9 @@ from .joint_forces import (
     rates_of,
 )
 from .joint_motion import JointAngle, JointMotion, LinkMotion
+from .joint_space import JointSpace, joint_space_of
 from .joints import BallJoint, Joint, Joints, Mimic, RevoluteJoint, WithRotors, both
-from .link import Frame, Link, LinkShape
+from .link import Frame, Link, LinkShape, number_of
 from .linked_joints import LinkedForm, linked
 from .mounting import (
     MISSED,
@@ -817,6 +817,14 @@ class Linkage(ConstrainedBody):
             *[pace for joint in self.joints if joint.freedoms > 0 for pace in AtJoint(joint, ()).rates(t, g, xi)]
         )
 
+    @cached_property
+    def joint_space(self) -> JointSpace:
+        """The mechanics in the rates of the joints: mass matrix, bias, inverse and forward dynamics, Jacobians of links.
+
+        Raises InvalidInput for loops, given motions and Mimics.
+        """
+        return joint_space_of(self)
+
     def poses(self, g: Any) -> np.ndarray:
         """The poses of the bodies.  g : (..., 16 N);  returns (..., N, 4, 4)."""
         array = real_array(g, "Linkage.poses: g")
@@ -842,6 +850,13 @@ class Linkage(ConstrainedBody):
             momentum = momentum + np.asarray(AtJoint(joint, ()).rotor(g, self.velocity(mu)))
         m = np.asarray(self.spatial_momentum(momentum, g))
         return m.reshape(*m.shape[:-1], len(self.links), 6).sum(axis=-2)
+
+    def centroidal_momentum(self, mu: Any, g: Any) -> np.ndarray:
+        """Angular momentum about the centre of mass of all bodies, and their linear momentum, seen from space, (..., 6)."""
+        momentum, masses = self.total_momentum(mu, g), np.array([link.mass for link in self.links])
+        centre = np.einsum("b,...bi->...i", masses / masses.sum(), self.poses(g)[..., :3, 3])
+        momentum[..., :3] -= np.cross(centre, momentum[..., 3:])
+        return momentum
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The energy, and the momenta of the motions of space that are symmetries of joints and
@@ -947,21 +962,6 @@ def _require_angles_told_apart(force: Any, joint: Any, label: str) -> None:
 def _follows(joint: Any) -> bool:
     """Whether a joint follows a path."""
     return isinstance(joint, MovedJoint) and len(joint.path) > 0
-
-
-def number_of(items: tuple[Any, ...], item: str | int, what: str = "joint") -> int:
-    """The number of a joint, or a link, that is given by its name, or by its number."""
-    names = [entry.name for entry in items]
-    if isinstance(item, str) and item in names:
-        return names.index(item)
-    with suppress(TypeError):
-        if 0 <= (number := whole(item)) < len(names):
-            return number
-    listing = ", ".join(repr(name) for name in names if name is not None)
-    raise InvalidInput(
-        f"Linkage: there is no {what} {item!r}; there are {len(names)}, numbered from 0"
-        + (f", with the names {listing}" if listing else "")
-    )
 
 
 def _require_unlike(what: str, items: tuple[Any, ...]) -> None:
