@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -442,15 +442,16 @@ class Trajectory:
             raise refused
         # kept by both; bodies that failed stand before it
         shared = int(len(t) > 0 and len(later) > 0 and bool(np.all(self._going(later[0] == t[-1]))))
+        joined = _rows_of_both(self, rest, shared)
         return replace(
             rest,
-            t=_both(self.t, rest.t[shared:], self.bodies),
-            states={name: np.concatenate([x, rest.states[name][shared:]]) for name, x in self.states.items()},
+            t=joined(self.t, rest.t),
+            states={name: joined(x, rest.states[name]) for name, x in self.states.items()},
             steps=self.steps + rest.steps,
             rejected=None if rest.rejected is None else rest.rejected + (self.rejected or 0),
             events=tuple([_joined(*pair) for pair in zip(self.events, rest.events, strict=False)]),
             ended=self._ends(rest),
-            **self._more(rest, shared),
+            **self._more(rest, joined),
         )
 
     def _going(self, of_bodies: Any) -> Any:
@@ -468,10 +469,8 @@ class Trajectory:
         """The times by which samples are ordered, or the time of a carry."""
         return self.t if carry is None else carry.t
 
-    def _more(self, rest: Any, again: int) -> dict[str, Any]:
-        """The fields of the joined run beside its samples.  again : is the first sample of the next run the
-        last one of this?
-        """
+    def _more(self, rest: Any, joined: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> dict[str, Any]:
+        """The fields of the joined run beside its samples.  joined : what is there of each sample, of both runs."""
         if self.dense is None or rest.dense is None:
             return {"dense": None}
         return {"dense": self.dense.then(rest.dense)}
@@ -649,7 +648,7 @@ class TransformedTrajectory(Trajectory):
     def _clock(self, carry: Any = None) -> Any:
         return self.tau if carry is None else carry.tau
 
-    def _more(self, rest: Any, again: int) -> dict[str, Any]:
+    def _more(self, rest: Any, joined: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> dict[str, Any]:
         dense: Any = self.dense
         if dense is not None and rest.dense is not None and len(rest.dense.t) > 1:
             # what both share lies inside of a step: no place to step from
@@ -659,8 +658,8 @@ class TransformedTrajectory(Trajectory):
             dense = replace(dense, rows=rows) if end else rest.dense
         return {
             "dense": dense,
-            "tau": _both(self.tau, rest.tau[again:], self.bodies),
-            "z": None if self.z is None else np.concatenate([self.z, rest.z[again:]]),
+            "tau": joined(self.tau, rest.tau),
+            "z": None if self.z is None else joined(self.z, rest.z),
         }
 
     def __repr__(self) -> str:
@@ -706,11 +705,37 @@ def part_with_sites(system: Any, name: str, array: np.ndarray, flat: int = 2) ->
     return group._out_of_rows(array, "Element" if name == "g" else "Vec") if array.ndim == flat else array
 
 
-def _both(first: np.ndarray, second: np.ndarray, bodies: int | None) -> np.ndarray:
-    """Times of two runs; of bodies with times of their own (n, bodies)."""
-    if first.ndim != second.ndim:
-        first, second = (x if x.ndim == 2 else np.repeat(x[:, None], bodies or 1, axis=1) for x in (first, second))
-    return np.concatenate([first, second])
+def _rows_of_both(first: Any, rest: Any, shared: int) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    """How arrays of samples of two runs are joined: those of bodies with times of their own body by body, and the last one
+    of a body is repeated at the end alone.
+
+    shared : is the first sample of the next run the last one of this?
+    """
+    if first._clock().ndim == rest._clock().ndim == 1:
+        return lambda a, b: np.concatenate([a, b[shared:]])
+
+    def each(x: np.ndarray) -> np.ndarray:
+        return x if x.ndim > 1 else np.repeat(x[:, None], first.bodies, axis=1)
+
+    def samples(run: Any, skipped: int) -> np.ndarray:
+        """How many samples each body has of its own."""
+        same = np.ones((max(len(run.t) - 1, 0), first.bodies), dtype=bool)
+        for x in (each(run._clock()), *run.states.values()):
+            equal = (x[1:] == x[:-1]) | ((x[1:] != x[1:]) & (x[:-1] != x[:-1]))
+            same &= equal.reshape(*same.shape, -1).all(axis=2)
+        repeated = np.logical_and.accumulate(same[::-1], axis=0).sum(axis=0)
+        return np.maximum(len(run.t) - repeated - skipped, 0)
+
+    before, behind = samples(first, 0), samples(rest, shared)
+    row = np.arange((before + behind).max(initial=0))[:, None]
+    row = np.minimum(row, before + behind - 1)
+    row += np.where(row >= before, len(first.t) + shared - before, 0)
+
+    def joined(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        both = np.concatenate([each(a), each(b)])
+        return np.take_along_axis(both, row.reshape(row.shape + (1,) * (both.ndim - 2)), axis=0)
+
+    return joined
 
 
 def _same(x: Any, y: Any) -> bool:

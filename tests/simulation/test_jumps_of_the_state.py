@@ -105,6 +105,15 @@ def test_a_run_that_goes_on_or_comes_from_a_file_bounces_on(tmp_path: Path) -> N
     assert first.then(adaptive.resume(first, t_end=2.0)).events[0][0] == pytest.approx(bounces(1.0, 3), rel=1e-12)
 
 
+@pytest.mark.parametrize("steps", [37, 80, 97])
+def test_balls_that_bounce_at_different_times_go_on_as_in_one_run(steps: int) -> None:
+    # a ball with fewer bounces has fewer samples: it repeats the last one at the end, not where the runs meet
+    plan = lm.Plan(BALL, lm.StormerVerlet(), h=0.01, events=BOUNCE)
+    balls = BALL.state(q=[[1.0], [0.7], [0.4]], p=[[0.0], [0.0], [0.2]])
+    first = plan.run(balls, steps=steps)
+    assert first.then(plan.resume(first, steps=120 - steps)) == plan.run(balls, steps=120)
+
+
 @pytest.mark.parametrize("method, options", METHODS)
 def test_bounces_that_accumulate_end_a_run(method: Any, options: Any) -> None:
     def soft(t: float, state: Any) -> Any:

@@ -92,7 +92,7 @@ def lyapunov(
         raise InvalidInput(
             f"lyapunov: give {'t_end with adaptive' if plan.adaptive else 'steps with fixed'} steps, alone"
         )
-    pieces = _pieces(steps, t_end)
+    plan, pieces = plan.replace(record=None), _pieces(steps, t_end)
     sizes = _sizes(plan.system, plan.run(start, **pieces[0]), start)
     if not (type(exponents) is int and 1 <= exponents <= len(sizes)):
         raise InvalidInput(
