@@ -96,7 +96,7 @@ def fit(
     Source: Tapley, Schutz, Born, Statistical Orbit Determination (2004), section 4.3; Nocedal and
     Wright, Numerical Optimization, 2nd ed., section 10.3.
     """
-    plan, system = plan.replace(every=1), plan.system
+    plan, system = plan.replace(every=1, record=None), plan.system
     space = phase_space(system, start)
     names = (by,) if isinstance(by, str) else tuple(by)
     if not names or names[0] != "start":

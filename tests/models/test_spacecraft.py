@@ -289,6 +289,31 @@ def test_saturated_motors() -> None:
     assert np.abs(W[:, 2] + 4.5).max() < 0.02  # beyond it: no torque that speeds up
 
 
+def test_motors_and_friction_of_ones_own_count_without_torques() -> None:
+    """W' = -c W/I', I' = I (1 - I/J) of a wheel on a body that turns back; or u, that of a motor."""
+
+    @lm.record
+    class Rubbing(M.ReactionWheels):
+        def torque(self, here: Any) -> Any:
+            return -0.02 * here.speeds
+
+    @lm.record
+    class Geared(M.ReactionWheels):
+        def motors(self, here: Any) -> Any:
+            return vec(*[0.02 for _ in self.inertias])
+
+    felt = 0.1 * (1.0 - 0.1 / 2.0)
+    for wheels, speeds in (
+        (Rubbing(np.eye(3), [0.1] * 3), 4.0 * np.exp(-0.02 / felt)),
+        (Geared(np.eye(3), [0.1] * 3), 4.0 + 0.02 / felt),
+    ):
+        craft = M.Spacecraft([2.0] * 3, 1.0, (), wheels)
+        start = craft.state_of([0.0] * 3, [0.0] * 3, speeds=[4.0] * 3)
+        run = lm.integrate(craft, lm.RKMK(order=4), start, h=0.1, steps=10, compiled=False)
+        assert craft.velocity(run.mu)[-1, 6:] == pytest.approx([speeds] * 3, rel=1e-8)
+        assert "energy" not in run.drift()
+
+
 @pytest.mark.slow
 def test_a_law_of_control_is_a_subclass() -> None:
     """A wheel on each axis by a proportional and differential law: the error falls as of a damped oscillator."""

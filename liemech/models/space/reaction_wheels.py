@@ -92,11 +92,12 @@ class ReactionWheels(Record):
     @property
     def passive(self) -> bool:
         """Whether neither motors nor friction change the momenta of the wheels."""
-        driven = type(self).command is not ReactionWheels.command or self.torques is not None
-        return not driven and self.viscous is None and self.coulomb is None
+        own = any(getattr(type(self), name) is not getattr(ReactionWheels, name) for name in TORQUES)
+        return not own and self.torques is None and self.viscous is None and self.coulomb is None
 
 
 PER_WHEEL = "torque_limits", "speed_limits", "viscous", "coulomb"
+TORQUES = "command", "motors", "torque"
 
 
 @record
