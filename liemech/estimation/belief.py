@@ -78,7 +78,7 @@ def checked(where: str, group: LieGroup, g: Any, covariance: Any, side: str) -> 
     covariance : (dim, dim), or (dim,) standard deviations.  Raises InvalidInput.
     """
     check_side(where, side)
-    element = real_array(g, f"{where}: g", group.is_complex)
+    element = np.array(real_array(g, f"{where}: g", group.is_complex))
     shape = group.element_shape
     lead = element.shape[: element.ndim - len(shape)]
     if element.shape != lead + shape:
@@ -109,7 +109,7 @@ def checked(where: str, group: LieGroup, g: Any, covariance: Any, side: str) -> 
         raise InvalidInput(
             f"{where}: covariance has the negative eigenvalue {least:.1e} (in units in which the variances are 1)"
         )
-    return vouched(Belief(group, element, np.broadcast_to(P, (*lead, group.dim, group.dim)), side))
+    return vouched(Belief(group, element, np.broadcast_to(P.copy(), (*lead, group.dim, group.dim)), side))
 
 
 _vouched = Remembered()

@@ -333,6 +333,13 @@ def test_a_bent_cloud_is_normal_in_the_algebra():
 
 
 @pytest.mark.slow
+def test_a_belief_stays_when_the_arrays_it_was_made_of_are_written_on():
+    g, covariance = np.eye(3), np.diag([1.0, 2.0, 3.0])
+    belief = lm.estimation.ErrorStateFilter(lm.estimation.Turning(lm.SO3(), [0.1] * 3)).belief(g, covariance)
+    g[:], covariance[:] = 0.0, 7.0
+    assert np.array_equal(belief.g, np.eye(3)) and np.array_equal(belief.covariance, np.diag([1.0, 2.0, 3.0]))
+
+
 def test_sides_are_told_from_each_other_by_ad():
     group = lm.SE3()
     process = es.Turning(group, 0.1 * np.arange(1.0, 7.0))

@@ -347,6 +347,23 @@ def test_a_first_order_hold_joins_commands() -> None:
     assert lm.loops.FirstOrderHold(1.0, first=0.0)(0.0, 2.0) == lm.loops.Ramp(2.0, 2.0)
 
 
+def test_a_controller_may_write_its_commands_into_one_array() -> None:
+    blocks = [
+        lm.loops.ZeroOrderHold(2),
+        lm.loops.Latency(1, np.zeros(2)),
+        lm.loops.RateLimit([0.5, 0.5], 1.0, np.zeros(2)),
+    ]
+    hold, u, now = lm.loops.FirstOrderHold(1.0), np.zeros(2), []
+    for k in range(4):
+        u[:] = [k, -k]
+        now.append([*[block(u) for block in blocks], hold(float(k), u).slope])
+    for k, (held, late, slow, slope) in enumerate(now):
+        assert np.array_equal(late, [max(k - 1, 0), -max(k - 1, 0)])
+        assert np.array_equal(slow, [0.5 * k, -0.5 * k])
+        assert np.array_equal(slope, [1.0, -1.0] if k else [0.0, 0.0])
+        assert np.array_equal(held, [k - k % 2, k % 2 - k])
+
+
 def test_commands_late_slow_and_held() -> None:
     latency = lm.loops.Latency(2, 0.0)
     assert [latency(float(k)) for k in range(1, 6)] == [0.0, 0.0, 1.0, 2.0, 3.0]

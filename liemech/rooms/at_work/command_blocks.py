@@ -39,7 +39,7 @@ class ZeroOrderHold:
         called when a command is taken.
         """
         if self._looks % self.every == 0:
-            self._command = command() if callable(command) else command
+            self._command = as_it_is(command() if callable(command) else command)
         self._looks += 1
         return self._command
 
@@ -60,7 +60,7 @@ class FirstOrderHold:
     """
 
     def __init__(self, period: float, delayed: bool = False, first: Any = None) -> None:
-        self.period, self.delayed, self.first = positive(period, "period"), bool(delayed), first
+        self.period, self.delayed, self.first = positive(period, "period"), bool(delayed), as_it_is(first)
         self.reset()
 
     def reset(self) -> None:
@@ -89,7 +89,7 @@ class Latency:
     """
 
     def __init__(self, looks: int, first: Any) -> None:
-        self.looks, self.first = arguments.count(looks, "looks", 0), first
+        self.looks, self.first = arguments.count(looks, "looks", 0), as_it_is(first)
         self.reset()
 
     def reset(self) -> None:
@@ -98,7 +98,7 @@ class Latency:
 
     def __call__(self, command: Any) -> Any:
         """The command that arrives as this one is given."""
-        self._on_the_way.append(np.array(command) if type(command) is np.ndarray else command)
+        self._on_the_way.append(as_it_is(command))
         return self._on_the_way.popleft()
 
     def __repr__(self) -> str:
@@ -142,9 +142,14 @@ def ramp(t: float, value: np.ndarray, slope: np.ndarray) -> Ramp:
     return fill(Ramp, {"value": value_and_slope[0], "slope": value_and_slope[1], "t0": float(t)})
 
 
+def as_it_is(command: Any) -> Any:
+    """The command, of an array or a list a copy: its owner may write the next one into it."""
+    return command.copy() if isinstance(command, (np.ndarray, list)) else command
+
+
 def command_of(value: Any, name: str) -> np.ndarray:
-    """A command as an array, checked."""
-    array = real_array(value, name)
+    """A command as an array of its own, checked."""
+    array = real_array(as_it_is(value), name)
     check_finite(array, name)
     return array
 
