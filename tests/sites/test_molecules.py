@@ -143,3 +143,23 @@ def test_points_are_found_once_and_give_what_pairs_give() -> None:
             for k, f in zip((i, j), SPC.forces(group, site[i], site[j]), strict=True):
                 sums[k] += list(f)
     assert np.abs(found - sums).max() < 1e-13 * np.abs(sums).max()
+
+
+@lm.record
+class Square(lm.Term):
+    """The square of a distance."""
+
+    def energy(self, a: Any, b: Any) -> Any:
+        return lm.dot(a.g - b.g, a.g - b.g)
+
+
+@pytest.mark.parametrize("dim", [1, 2, 3])
+def test_a_box_has_as_many_lengths_as_its_space(dim: int) -> None:
+    """Two points across the border of a box, 0.2 apart along each axis; one number is a cube of space."""
+    masses = lm.LiePoissonSystem(lm.VectorSpace(dim) ** 2, lm.PerSite(lm.KineticEnergy([1.0] * dim)))
+    places = np.array([[0.1] * dim, [1.9] * dim])
+    boxes = [[2.0] * dim] + [2.0] * (dim == 3)
+    for box in boxes:
+        near = lm.neighbours.within(1.0, box=box)
+        energy = lm.MechanicalSystem(masses, lm.Terms(Square().over(near))).energy(0.0 * places, places)
+        assert energy == pytest.approx(0.04 * dim, rel=1e-12)

@@ -603,8 +603,8 @@ def within(cutoff: float, box: Any = None, inner: float | None = None) -> Within
     inner_length = 0.9 * cutoff_length if inner is None else float(numbers[1])
     if box is None:
         return Within(None, cutoff_length, inner_length)
-    lengths = np.atleast_1d(real_array(box, f"{name}: box"))
-    lengths = np.repeat(lengths, 3) if lengths.shape == (1,) else lengths
+    lengths = real_array(box, f"{name}: box")
+    lengths = lengths if lengths.ndim else np.repeat(lengths, 3)
     check_finite(lengths, f"{name}: box")
     if lengths.ndim != 1:
         raise InvalidInput(f"{name}: box is the lengths of a box, (n,); got shape {lengths.shape}")
