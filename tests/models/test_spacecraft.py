@@ -132,6 +132,23 @@ def test_forces_and_torques_are_those_of_the_energy(name: str) -> None:
     assert np.allclose(torque, np.array(slow.torque(here)), rtol=1e-12, atol=1e-16)
 
 
+def test_a_field_with_another_energy_says_anew_what_turns_leave_alone() -> None:
+    """x x p + R Pi changes by the torque of -V' = (0, -m, 0) in space about the origin."""
+
+    @lm.record
+    class Pulled(M.PointGravity):
+        def energy(self, here: Any) -> Any:
+            return super().energy(here) + here.mass * here.position[1]
+
+    craft = M.Spacecraft([1.0, 1.5, 2.0], 3.0, [Pulled(1.0)])
+    start = craft.state_of([1.0, 0.2, 0.1], [0.0, 1.0, 0.1])
+    run = lm.integrate(craft, lm.RKMK(order=4), start, h=0.01, steps=10, compiled=False)
+    kept = craft.constants({"mu": np.asarray(run.mu), "g": np.asarray(run.g)})
+    assert set(kept) == {"energy"} and np.ptp(kept["energy"]) < 1e-8
+    central = M.Spacecraft([1.0, 1.5, 2.0], 3.0, [M.PointGravity(1.0)])
+    assert "angular momentum" in central.constants({"mu": np.asarray(run.mu), "g": np.asarray(run.g)})
+
+
 def test_point_gravity_and_gradient_are_an_orbiting_body() -> None:
     both = M.Spacecraft([900.0, 800.0, 600.0], MASS, [M.PointGravity(K), M.GravityGradient(K)])
     one = M.OrbitingBody([900.0, 800.0, 600.0], MASS, K)

@@ -79,6 +79,12 @@ class ConservativeEffector(Record):
     central: ClassVar[bool] = False
     axial: ClassVar[bool] = False
 
+    def is_kept(self, symmetry: str) -> bool:
+        """Whether `central` or `axial` holds: a class that writes another energy says it anew."""
+        bases = type(self).__mro__
+        says, writes = (next(k for k, base in enumerate(bases) if name in vars(base)) for name in (symmetry, "energy"))
+        return says <= writes and bool(getattr(self, symmetry))
+
     def energy(self, here: Any) -> float:
         """V, in J.  here : the place, with `position`, `attitude`, `mass` and `inertia`."""
         raise undefined(self, "energy")

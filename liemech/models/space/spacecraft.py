@@ -59,9 +59,9 @@ class EffectorFields(Potential):
 
     def symmetry(self, group: LieGroup, mu: Any, g: Any) -> dict[str, Any]:
         """The angular momentum of spin and orbit together, R Pi + x x p, or its part along e3."""
-        if all(e.central for e in self.effectors):
+        if all(e.is_kept("central") for e in self.effectors):
             return {"angular momentum": angular_momentum(mu, g)}
-        if all(e.axial for e in self.effectors):
+        if all(e.is_kept("axial") for e in self.effectors):
             return {"angular momentum along e3": angular_momentum(mu, g)[..., 2]}
         return {}
 
