@@ -717,19 +717,15 @@ def _rows_of_both(first: Any, rest: Any, shared: int) -> Callable[[np.ndarray, n
     def each(x: np.ndarray) -> np.ndarray:
         return x if x.ndim > 1 else np.repeat(x[:, None], first.bodies, axis=1)
 
-    def samples(run: Any, skipped: int) -> np.ndarray:
-        """How many samples each body has of its own."""
-        same = np.ones((max(len(run.t) - 1, 0), first.bodies), dtype=bool)
-        for x in (each(run._clock()), *run.states.values()):
-            equal = (x[1:] == x[:-1]) | ((x[1:] != x[1:]) & (x[:-1] != x[:-1]))
-            same &= equal.reshape(*same.shape, -1).all(axis=2)
-        repeated = np.logical_and.accumulate(same[::-1], axis=0).sum(axis=0)
-        return np.maximum(len(run.t) - repeated - skipped, 0)
+    def own(run: Any) -> Any:
+        """How many samples each body has before it repeats the last one."""
+        parts = [x.reshape(len(run), first.bodies, -1) for x in (each(run._clock()), *run.states.values())]
+        last = np.logical_and.reduce([(x == x[-1:]).all(axis=2) for x in parts])
+        return np.minimum(len(run) + 1 - np.logical_and.accumulate(last[::-1]).sum(axis=0), len(run))
 
-    before, behind = samples(first, 0), samples(rest, shared)
-    row = np.arange((before + behind).max(initial=0))[:, None]
-    row = np.minimum(row, before + behind - 1)
-    row += np.where(row >= before, len(first.t) + shared - before, 0)
+    before, whole = own(first), own(first) + own(rest) - shared
+    row = np.minimum(np.arange(whole.max(initial=0))[:, None], whole - 1)
+    row += (row >= before) * (len(first) + shared - before)
 
     def joined(a: np.ndarray, b: np.ndarray) -> np.ndarray:
         both = np.concatenate([each(a), each(b)])
