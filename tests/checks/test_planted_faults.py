@@ -108,6 +108,12 @@ class Weight(lm.Potential):
 
 
 @lm.record
+class Rubbing(lm.Force):
+    def covector(self, t: float, xi: lm.Vec, g: Any) -> lm.Vec:
+        return -0.3 * xi
+
+
+@lm.record
 class Area(lm.PoissonStructure):
     """Two coordinates that do not commute beside two that do with all."""
 
@@ -322,6 +328,26 @@ SYSTEMS: dict[str, tuple[Callable[[], Any], str]] = {
         ),
         "independent Casimirs",
     ),
+    "a load by its rates": (
+        lambda: lm.MechanicalSystem(
+            BODY,
+            lm.NoPotential(),
+            load=changed(
+                Rubbing, rates=lambda self, xi, g: xi[:2], at_rates=lambda self, t, w, g: vec(*(-0.3 * w), 0.0)
+            )(),
+        ),
+        "load",
+    ),
+    "a load by its efforts": (
+        lambda: lm.MechanicalSystem(
+            BODY,
+            lm.NoPotential(),
+            load=changed(
+                Rubbing, by_rate=True, efforts=lambda self, t, w, g: 0.3 * w, spread=lambda self, t, k, g: k
+            )(),
+        ),
+        "load",
+    ),
     "hessian of the inverse": (lambda: free(hessian=lambda self, xi: 1.0 / self.inertia), "hessian"),
 }
 
@@ -352,6 +378,9 @@ class WrongFarOut(SO3Algebra):  # type: ignore[misc]
 def rotations(**members: Any) -> Any:
     return changed(lm.SO3, **members)()
 
+
+TURNED = changed(SO3Algebra, ad_matrix=lambda self, xi: SO3Algebra.ad_matrix(self, -xi))()
+FORMED = changed(SO3Algebra, invariant_form=np.diag([1.0, 2.0, 1.0]))()
 
 OTHERS: dict[str, tuple[Callable[[], Any], str]] = {
     "dexp_inv beyond 6": (
@@ -408,6 +437,35 @@ OTHERS: dict[str, tuple[Callable[[], Any], str]] = {
             raises=False,
         ),
         "moved points",
+    ),
+    "numbers of orbits that move along them": (
+        lambda: check_group(rotations(further_invariants=lambda self, mu: (float(mu[0]),)), raises=False),
+        "further invariants",
+    ),
+    "two displacements that count as large": (
+        lambda: check_group(rotations(scale=lambda self, g: vec(1.0, 1.0)), raises=False),
+        "units",
+    ),
+    "a displacement of negative size": (
+        lambda: check_group(rotations(scale=lambda self, g: vec(1.0, -1.0, 1.0)), raises=False),
+        "units",
+    ),
+    "units of two components": (lambda: check_group(rotations(unit_blocks=(1, 1)), raises=False), "units"),
+    "sign of the matrix of the bracket": (
+        lambda: check_group(rotations(algebra=property(lambda self: TURNED)), raises=False),
+        "ad_matrix",
+    ),
+    "a form that turns": (
+        lambda: check_group(rotations(algebra=property(lambda self: FORMED)), raises=False),
+        "invariant form",
+    ),
+    "points moved back by a retraction": (
+        lambda: check_retraction(
+            changed(lm.Cayley, tau_act=lambda self, action, xi, x: action.act(self.tau(action.group, -xi), x))(),
+            lm.SO3(),
+            raises=False,
+        ),
+        "tau_act",
     ),
     "a retraction far out": (
         lambda: check_retraction(

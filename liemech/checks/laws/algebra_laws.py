@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ...errors import NotDefined
 from ...groups.lie_algebra import LieAlgebra
 from ..points.sample_points import At, flat, size
 from .law import Law, Same, axiom, factors, vanishes
@@ -40,6 +41,21 @@ def dual_of_the_bracket(a: LieAlgebra, at: At) -> Iterator[Same]:
     yield Same(
         a.ad_star(at.xi, at.mu), ad.T @ mu, terms, lambda: factors(ad.T @ mu) | {"it is ad_xi, not the dual": ad @ mu}
     )
+
+
+@axiom(ALGEBRA, "ad_matrix", "ad_matrix(xi) eta = [xi, eta]", "ad_matrix")
+def matrix_of_the_bracket(a: LieAlgebra, at: At) -> Iterator[Same]:
+    yield Same(a.ad_matrix(at.xi), at.ad, size(at.ad), lambda: factors(at.ad) | {"it is transposed": at.ad.T})
+
+
+@axiom(ALGEBRA, "invariant form", "([xi, eta], zeta) = (xi, [eta, zeta])", "invariant_form", optional=True)
+def form_is_invariant(a: LieAlgebra, at: At) -> Iterator[Same]:
+    form = a.invariant_form
+    if form is None:
+        raise NotDefined("the algebra says that it has none")
+    left, right = flat(a.bracket(at.xi, at.eta)), flat(a.bracket(at.eta, at.zeta))
+    scale = size(form) * (size(left) * size(at.zeta) + size(at.xi) * size(right))
+    yield Same(left @ form @ flat(at.zeta), flat(at.xi) @ form @ right, scale)
 
 
 @axiom(ALGEBRA, "hat and vee", "hat is linear, vee(hat(xi)) = xi", optional=True)

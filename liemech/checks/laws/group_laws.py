@@ -169,6 +169,21 @@ def independent_casimirs(G: LieGroup, at: At) -> Iterator[Same]:
     yield independence(G.casimirs, lambda mu: gradients(G, mu).T, (at.mu, at.nu, at.mu + at.nu))
 
 
+@axiom(PLACE, "further invariants", "further_invariants(Ad*_g mu) = further_invariants(mu)", "further_invariants")
+def further_invariants(G: LieGroup, at: At) -> Iterator[Same]:
+    moved = G.Ad_star(at.g, at.mu)
+    here, there = (np.array(G.further_invariants(np.array(mu)) or ()) for mu in (at.mu, moved))
+    yield Same(there, here, (size(here) + size(at.mu) + size(moved)) * at.condition)
+
+
+@axiom(PLACE, "units", "unit_blocks add up to dim, scale(g) has dim positive numbers", "unit_blocks", "scale")
+def units(G: LieGroup, at: At) -> Iterator[Same]:
+    scale = np.asarray(G.scale(at.g), dtype=float)
+    yield from shaped(scale, (G.dim,))
+    yield Same(np.abs(scale), scale)
+    yield Same(float(sum(G.unit_blocks)), float(G.dim))
+
+
 @axiom(PLACE, "membership", "defect(g h) = 0; what is off the group by a thousandth is refused", "defect")
 def membership(G: LieGroup, at: At) -> Iterator[Same]:
     product = G.compose(at.g, at.h)

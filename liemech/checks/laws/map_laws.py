@@ -16,6 +16,7 @@ from numpy.linalg import cond, inv, norm, solve
 from ...errors import InvalidInput, NoConvergence, OutsideChart
 from ...formulas import Vec
 from ...groups.bernoulli import BERNOULLI
+from ...groups.coadjoint import CoadjointAction
 from ...groups.lie_algebra import LieAlgebra
 from ...groups.lie_group import LieGroup
 from ...groups.retractions import Cayley, Exponential, Retraction
@@ -65,7 +66,7 @@ class Map:
         """Whether the method is the author's own.  What a retraction leaves out is made by differentiating tau: his own
         too.
         """
-        if name == "tau_compose":
+        if name in ("tau_compose", "tau_act"):
             return replaced(self.retraction, Retraction, name)
         if isinstance(self.retraction, Exponential | Cayley):
             word = self.words.get(name, name)
@@ -203,6 +204,15 @@ def composition_shortcut(tau: Map, at: At) -> Iterator[Same]:
     back = group.inverse(at.h)
     scale = scale * at.share(at.h, back)  # of Ad
     yield Same(tau.tau_compose(at.xi, at.h), group.compose(g, at.h), scale)
+
+
+@axiom(MAPS, "tau_act", "tau_act(xi, x) = {tau}(xi) . x, of momenta", "tau_act")
+def action_shortcut(tau: Map, at: At) -> Iterator[Same]:
+    action, g = CoadjointAction(tau.group), tau.tau(at.xi)
+    moved = action.act(g, at.mu)
+    scale = at.share(g, tau.group.inverse(g)) * at.condition * size(at.mu) * (1.0 + at.length)
+    slips = {"a wrong sign of xi": tau.group.Ad_star(g, at.mu)}
+    yield Same(tau.retraction.tau_act(action, at.xi, at.mu), moved, scale, lambda: slips)
 
 
 @axiom(MAPS, "{is_chart}", "{is_chart}(xi) is true at zero, and false where {dtau} is singular", "is_chart", once=True)

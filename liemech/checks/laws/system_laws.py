@@ -155,15 +155,25 @@ def force_of_potential(system: MechanicalSystem, at: AtState) -> Iterator[Same]:
     yield _matches(V.force(group, g), lambda eta: V.energy(group.compose_exp(g, eta)), zero, -1.0)
 
 
-@axiom(FIELD, "load", "a vector of dim finite numbers, and dE/dt = <F, xi>", optional=True, slack=CLOSE)
+@axiom(
+    FIELD,
+    "load",
+    "a vector of dim finite numbers, by its rates and efforts too, and dE/dt = <F, xi>",
+    optional=True,
+    slack=CLOSE,
+)
 def load(system: MechanicalSystem, at: AtState) -> Iterator[Same]:
     if system.load is None:
         raise NotDefined("there is no load")
     _require_held(at.system)
     mu, g, whole = at.state.mu, at.state.g, at.system if isinstance(at.system, BoundBody) else system
     xi = system.velocity(mu, **at.timed)
-    force = flat(system.load.covector(at.t, xi, g))
+    F, rates = system.load, system.load.rates(xi, g)
+    force = flat(F.covector(at.t, xi, g))
     yield from shaped(force, (len(mu),))
+    yield Same(F.at_rates(at.t, rates, g), force, size(force))
+    if F.by_rate:
+        yield Same(F.spread(at.t, F.efforts(at.t, rates, g), g), force, size(force))
     power, comparisons = float(force @ flat(xi)), []
     for place in (at, at.closer):
         energies = [whole.energy(state.mu, state.g, **at.timed) for state in place.nearby]  # of rotors too
