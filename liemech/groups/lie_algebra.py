@@ -9,7 +9,7 @@ from typing import Any, final
 import numpy as np
 
 from ..errors import InvalidType, LawViolation, NotDefined, undefined
-from ..formulas import Mat, Record, Vec, dot, identity_matrix, jacobian, mat, record, solve, vec
+from ..formulas import Mat, Record, Vec, dot, identity_matrix, jacobian, mat, norm, record, solve, vec
 from ..formulas.classes.derived import derived
 from ..formulas.classes.signatures import bare
 from ..formulas.numbers.dual import value_of
@@ -262,8 +262,9 @@ class LieAlgebra(Record):
 
     @cached_property
     def _ad_sizes(self) -> tuple[float, ...]:
-        """The Frobenius norms of ad E_i."""
-        return tuple(np.linalg.norm(self._ad_matrices, axis=(1, 2)).tolist())
+        """The Frobenius norms of ad E_i, without derivatives by parameters of the algebra."""
+        units = identity_matrix(self.dim)
+        return tuple([norm(vec(*[value_of(x) for unit in units for x in self.bracket(e, unit)])) for e in units])
 
     @final
     def poisson_structure(self, mu: Vec) -> Mat:

@@ -379,3 +379,49 @@ def test_a_step_that_fails_ends_the_run_and_its_map(compiled):
     assert np.array_equal(run.tangent["start"], plan.tangent(start, steps=33).tangent["start"][: len(run.t)])
     with pytest.raises(errors.IntegrationFailure, match="has no value"):
         plan.tangent(body.state([[0.1, 0.2, 0.3]] * 2, [np.eye(3)] * 2), steps=100)
+
+
+@lm.record
+class Growing(lm.LieAlgebra):
+    """[E_1, E_2] = k E_2."""
+
+    k: float
+    dim = 2
+
+    def bracket(self, xi: lm.Vec, eta: lm.Vec) -> lm.Vec:
+        return lm.vec(0.0, self.k * (xi[0] * eta[1] - xi[1] * eta[0]))
+
+
+@lm.record
+class Line(lm.LieGroup):
+    """The maps x -> e^(k a) x + b of the line, as (a, b)."""
+
+    k: float
+
+    @property
+    def algebra(self) -> Growing:
+        return Growing(self.k)
+
+    def identity(self) -> lm.Vec:
+        return lm.vec(0.0, 0.0)
+
+    def compose(self, g: lm.Element, h: lm.Element) -> lm.Vec:
+        return lm.vec(g[0] + h[0], lm.formulas.exp(self.k * g[0]) * h[1] + g[1])
+
+    def inverse(self, g: lm.Element) -> lm.Vec:
+        return lm.vec(-g[0], -lm.formulas.exp(-self.k * g[0]) * g[1])
+
+    def exp(self, xi: lm.Vec) -> lm.Vec:
+        return lm.vec(xi[0], xi[1] * lm.formulas.expm1_over(self.k * xi[0]))
+
+
+@WORLDS
+def test_a_parameter_of_a_group_has_derivatives(compiled: bool) -> None:
+    """mu' is k times what it is for k = 1: momenta depend on k h alone, so that k d/dk = h d/dh."""
+    k, h = 0.8, 0.1
+    system = lm.LiePoissonSystem(Line(k), lm.KineticEnergy([1.0, 1.5]))
+    plan = lm.Plan(system, lm.RKMK(order=4), h=h, compiled=compiled)
+    by = plan.tangent(system.state(mu=[0.4, 0.5], g=[0.1, 0.2]), steps=5, by=["group.k", "h"]).tangent
+    by_k, by_h = (np.ravel(by[name][-1])[:2] for name in ("group.k", "h"))
+    assert np.abs(by_h).min() > 0.05
+    assert np.abs(k * by_k - h * by_h).max() < 1e-15
