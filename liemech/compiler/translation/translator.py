@@ -24,7 +24,7 @@ import numpy as np
 from ...errors import InvalidInput, InvalidType, NotCompilable
 from ...formulas import functions, large, sums, tables, vectors
 from ...formulas.classes.fields import converters
-from ...formulas.classes.flattening import leaves
+from ...formulas.classes.flattening import floats_in, leaves, with_floats
 from ...formulas.classes.layouts import layout_of
 from ...formulas.classes.nested import records_in, with_records
 from ...formulas.classes.overriding import kept
@@ -34,7 +34,7 @@ from ...formulas.derivatives import axes, carried, tangent
 from ...formulas.large_maps import DiagonalSolver, LinearMap
 from ...formulas.numbers import philox, products, series, transposes
 from ...formulas.numbers.bases import is_any_number
-from ...formulas.numbers.conversions import as_others_see, compensated, double_double, fitted, plain, rounded
+from ...formulas.numbers.conversions import as_others_see, compensated, double_double, fitted, plain, resting, rounded
 from ...formulas.numbers.dual import Dual, at_rest
 from ...formulas.numbers.forms import LinearForm, chosen
 from ...formulas.numbers.pairs import PAIRS, paired
@@ -90,7 +90,11 @@ class Interpreter(Statements):
             super: self.super,
             getattr: self.named,
             dataclasses.replace: self.replaced,
-            **{f: f for f in (layout_of, as_others_see, compensated, double_double, plain, rounded, fitted, axes)},
+            **{
+                f: f
+                for f in (layout_of, as_others_see, compensated, double_double, plain, resting, rounded, fitted, axes)
+            },
+            **{f: f for f in (floats_in, with_floats)},
             **{f: f for f in (records_in, with_fields, at_rest)},
             with_records: lambda x, kind, new: with_records(x, kind, new, self.reads.exchanged),
             **{

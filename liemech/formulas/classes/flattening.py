@@ -42,6 +42,18 @@ def _gather(value: Any, layout: Layout, numbers: list[Any]) -> None:
             _gather(item, part, numbers)
 
 
+def floats_in(value: Any, layout: Layout) -> Vec:
+    """The real numbers of a value, in order, without integers and places of tables."""
+    return Vec(*[x for x, kind in zip(leaves(value, layout), layout.kinds, strict=True) if kind == "number"])
+
+
+def with_floats(value: Any, layout: Layout, numbers: Any) -> Any:
+    """The value with other real numbers, those of `floats_in`."""
+    new = iter(numbers)
+    old = zip(leaves(value, layout), layout.kinds, strict=True)
+    return build(layout, iter([next(new) if kind == "number" else x for x, kind in old]))
+
+
 @functools.lru_cache(256)
 def gatherer(layout: Layout) -> Callable[[Any], list[Any]]:
     """`leaves` of values that are known to have this layout: a list written out, such as [*x.mu, *x.g.rows[0], ...]."""

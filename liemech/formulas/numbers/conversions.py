@@ -16,7 +16,7 @@ from .bases import is_number
 from .compensated import Compensated, value_of
 from .complex_numbers import Complex
 from .double_double import DoubleDouble, rounded_number
-from .dual import ALONE, Dual, at_rest
+from .dual import ALONE, Dual, at_rest, constant
 from .forms import PULLED, LinearForm
 
 _COMPENSATED, _DOUBLE_DOUBLE = (Compensated,), (DoubleDouble,)  # the forms of such numbers
@@ -43,6 +43,11 @@ def with_slopes(value: Any, level: float, still: Any = 0.0) -> Any:
     still : the slope zero; along several directions a vector.
     """
     return _mapped(value, lambda x: x if isinstance(x, Dual) else Dual(x, still, level), (Dual,))
+
+
+def resting(value: Any) -> Any:
+    """The value without its derivatives."""
+    return _mapped(value, constant, (Dual,))
 
 
 def moving_as(value: Any, x: Any) -> Any:

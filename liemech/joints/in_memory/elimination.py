@@ -11,12 +11,13 @@ from typing import Any
 from ...compiler.numbers.square_blocks import block_at, put_block, save_block
 from ...compiler.sites.planes import each
 from ...errors import NoConvergence
-from ...formulas import Mat, Vec, dot, mat, vec, where
+from ...formulas import Mat, Vec, constant, dot, mat, vec, where
+from ...formulas.numbers.conversions import resting
 from ...formulas.tables import entry, whole
 from ...integrators.kicks.explicit_kicks import negative_pivots
 from ...rooms.sites.block_elimination import BLOCKS, factor, fill, substitute
 from ...systems.kinetic_energy import times
-from .links import DEAD_POINT, REST6, both, speeds, wrenches
+from .links import DEAD_POINT, REST6, both, pull_on, speeds, wrenches
 
 # ------------------------------------------------------------------ formulas of one joint
 
@@ -25,7 +26,7 @@ def save_answers(system: Any, sides: Any, answers: Any, sign: float, h: float, w
     """The answers of bodies to a joint's impulses, and its own block: with h/A of its rotor, and on the diagonal 1 for
     conditions that do not count.  sign : of the matrix.
     """
-    blank = [*[sign * (1.0 - x) for x in work.alive.load()], *[1.0] * (equations.residual.width - system.most)]
+    blank = [*[sign * (1.0 - x) for x in work.alive.load()], *[1.0] * (equations.diagonal.width - system.most)]
     if system.geared:
         blank[system.most - 1] = blank[system.most - 1] + h * work.lightness.load()
     if system.parts > 0:
@@ -34,10 +35,9 @@ def save_answers(system: Any, sides: Any, answers: Any, sign: float, h: float, w
         vec(*[dot(a, p) + dot(b, q) + (blank[i] if i == j else 0.0) for j, (p, q) in enumerate(zip(*answers))])
         for i, (a, b) in enumerate(zip(*sides))
     ]
-    first, second = answers
-    equations.answers.save((mat(*first), mat(*second)))
-    equations.diagonal.save(vec(*[abs(row[i]) for i, row in enumerate(block)]))
-    save_block(equations.blocks, BLOCKS, 0, mat(*block))
+    equations.answers.save(tuple([mat(*resting(side)) for side in answers]))
+    equations.diagonal.save(vec(*[abs(constant(row[i])) for i, row in enumerate(block)]))
+    save_block(equations.blocks, BLOCKS, 0, mat(*resting(block)))
 
 
 def free_answers(sides: Any, work: Any) -> list[list[Vec]]:
@@ -63,7 +63,7 @@ def tied(system: Any, sides: Any, work: Any, equations: Any) -> None:
     a, b = of_joint(sides), beyond(sides)
     p, q = of_joint(equations.answers), beyond(equations.answers)
     for slot, left, right in ((1, b, p), (2, a, q)):
-        block = mat(*[vec(*[tied_to * dot(x, y) for y in right]) for x in left])
+        block = mat(*[vec(*[tied_to * dot(x, y) for y in right]) for x in resting(left)])
         save_block(equations.blocks, BLOCKS, slot, block)
 
 
@@ -76,12 +76,24 @@ def excess_of(system: Any, work: Any, equations: Any) -> None:
     """The rate off the constraint, G xi, and the answers of free bodies to impulses."""
     sides = equations.sides.load()
     save_answers(system, sides, free_answers(sides, work), 1.0, 1.0, work, equations)
-    equations.residual.save(rates_off(system, sides, work))
+    equations.residual.save(rates_off(system, sides, both(work.velocity, work), work))
 
 
-def rates_off(system: Any, sides: Any, work: Any) -> Vec:
+def held_by_impulses(work: Any) -> None:
+    """The pull of joints on a body, and its velocity under it."""
+    pull = pull_on(work)
+    work.impulse.save(pull)
+    work.free_at_end.save(work.velocity.load() - times(work.inverse.load(), pull))
+
+
+def excess_left(system: Any, work: Any, equations: Any) -> None:
+    """The rate off the constraint under the impulses that were found."""
+    equations.residual.save(rates_off(system, equations.sides.load(), both(work.free_at_end, work), work))
+
+
+def rates_off(system: Any, sides: Any, velocities: Any, work: Any) -> Vec:
     """The rate off the constraint, and how far rates are from those at which their kick was found."""
-    m, rates = system.most, speeds(sides, both(work.velocity, work))
+    m, rates = system.most, speeds(sides, velocities)
     if system.rheonomic:
         rates = [x + pace for x, pace in zip(rates, work.paces.load())]
     off: list[Any] = []
@@ -131,10 +143,10 @@ def assembled(system: Any, sites: Any, sides: Any, sign: float, h: float, work: 
 
 def coupled(system: Any, sides: Any, sign: float, equations: Any) -> None:
     """The blocks of pairs of joints that a body ties together."""
-    blocks, table, n = equations.blocks, system.couplings, equations.residual.width
+    blocks, table, n = equations.blocks, system.couplings, equations.diagonal.width
     for p in range(whole(table, 0)):
         j, k, side, other_side, block, added = (whole(table, 1 + 6 * p + i) for i in range(6))
-        a, b = sides.nth(side).at(j), equations.answers.nth(other_side).at(k)
+        a, b = resting(sides.nth(side).at(j)), equations.answers.nth(other_side).at(k)
         product = mat(*[vec(*[dot(x, y) for y in b]) for x in a])
         if added == 1:
             product = block_at(blocks, block, n) + product
@@ -154,11 +166,11 @@ def bordered(system: Any, sides: Any, sign: float, equations: Any) -> None:
     sign : of S; the second line is multiplied by it.
     Source: Golub and Van Loan, Matrix Computations, 4th ed., section 2.1.4 (Woodbury).
     """
-    blocks, table, n, m = equations.blocks, system.borders, equations.residual.width, system.most
+    blocks, table, n, m = equations.blocks, system.borders, equations.diagonal.width, system.most
     width = 2 + 2 * system.parts
     for p in range(whole(table, 0)):
         j, side = whole(table, 1 + width * p), whole(table, 2 + width * p)
-        a, b = sides.nth(side).at(j), equations.answers.nth(side).at(j)
+        a, b = resting(sides.nth(side).at(j)), equations.answers.nth(side).at(j)
         for k in range(system.parts):
             axes = [*range(m * k, min(6, m * k + m))]
             blank = [0.0] * (n - len(axes))
@@ -172,15 +184,15 @@ def bordered(system: Any, sides: Any, sign: float, equations: Any) -> None:
         equations.diagonal.put(v, vec(*[1.0] * n))
 
 
-def nothing_of_hubs(system: Any, column: Any) -> None:
+def nothing_of_hubs(system: Any, column: Any, n: int) -> None:
     """Set numbers of the motions of hubs, which are no conditions and no impulses, to zero."""
     for v in range(int(system.joints), int(system.order.nodes)):
-        column.put(v, vec(*[0.0] * column.width))
+        column.put(v, vec(*[0.0] * n))
 
 
 def mesh_blocks(system: Any, h: float, equations: Any) -> None:
     """Add h times the rate that a rotor gains by another joint to the blocks of such joints."""
-    blocks, table, n, last = equations.blocks, system.mesh, equations.residual.width, system.most - 1
+    blocks, table, n, last = equations.blocks, system.mesh, equations.diagonal.width, system.most - 1
     for p in range(whole(table, 0)):
         place, y = whole(table, 3 + 3 * p), h * entry(system.meshing, p)
         gain = [vec(*[y if i == last and j == last else 0.0 for j in range(n)]) for i in range(n)]
@@ -206,10 +218,10 @@ def factored(system: Any, sign: float, equations: Any, counted: float = 0.0) -> 
 def solved(system: Any, equations: Any) -> None:
     """The impulses by what the conditions miss, with the blocks as `factored` has left them."""
     if system.parts > 0:
-        nothing_of_hubs(system, equations.residual)
+        nothing_of_hubs(system, equations.residual, equations.diagonal.width)
     substitute(system.order, equations)
     if system.parts > 0:
-        nothing_of_hubs(system, equations.solution)
+        nothing_of_hubs(system, equations.solution, equations.diagonal.width)
 
 
 def impulses_off(system: Any, sites: Any, work: Any, equations: Any) -> bool:
@@ -220,6 +232,10 @@ def impulses_off(system: Any, sites: Any, work: Any, equations: Any) -> bool:
     assembled(system, sites, equations.sides, 1.0, 0.0, work, equations)
     independent = has_multipliers(system, work, equations)
     pulled_by_solution(system, sites, work, equations)
+    if system.level is not None:  # G has changed under l': a correction, with the blocks as they are
+        each(sites, held_by_impulses, work)
+        each(sites, excess_left, system, work, equations)
+        pulled_by_solution(system, sites, work, equations)
     return independent
 
 

@@ -5,12 +5,15 @@ Source: Leyendecker, Marsden and Ortiz, ZAMM 88 (2008), section 3 (rows G of con
 
 from __future__ import annotations
 
+import itertools
 from typing import Any, ClassVar
 
 from ...formulas import Mat, Record, Vec, dot, mat, plain, record, vec, vectors, where
+from ...formulas.classes.flattening import build
 from ...formulas.classes.layouts import Layout, carried_layout, layout_of, matrix, vector
 from ...formulas.classes.records import with_fields
 from ...formulas.columns import named
+from ...formulas.numbers.conversions import with_slopes
 from ...groups.lie_group import LieGroup
 from ...rooms.sites.block_elimination import Elimination
 from ...rooms.sites.steps_together import StepsTogether
@@ -47,6 +50,24 @@ def work_of(system: LinkedBodies, full: bool) -> Layout:
     )
 
 
+def with_derivatives(system: LinkedBodies, level: float) -> LinkedBodies:
+    """The system whose numbers carry a derivative, but for what does not change and for the blocks of elimination.
+
+    level : of the derivative.
+    """
+
+    def moving(layout: Layout) -> Layout:
+        if layout.kind != "record" or layout.detail[0] is not Record:
+            return carried_layout(with_slopes(build(layout, itertools.repeat(0.0)), level))
+        names, parts = layout.detail[1], layout.parts
+        return named(**{name: part if name in RESTING else moving(part) for name, part in zip(names, parts)})
+
+    fixed = constant_layouts(system, system.work.parts[0])
+    parts = dict(zip(system.work.detail[1], system.work.parts))
+    work = named(**{name: part if name in fixed or name in RESTING else moving(part) for name, part in parts.items()})
+    return with_fields(system, level=level, work=work)
+
+
 def constant_layouts(system: LinkedBodies, inertia: Layout) -> dict[str, Layout]:
     """Layouts of what does not change."""
     return dict(
@@ -68,6 +89,12 @@ def constant_layouts(system: LinkedBodies, inertia: Layout) -> dict[str, Layout]
 
 DEAD_POINT = -1.0
 """`reached` where conditions of joints depend on each other, and there are no multipliers."""
+
+RESTING = {
+    *("failed_joint", "reached", "ready", "sign_kept", "in_chart", "scale", "change_square", "value_square"),
+    *("answer", "answer_at_end", "answers", "end_sides", "diagonal", "blocks"),
+}
+"""What carries no derivative: where steps stand, and the matrices of corrections."""
 
 STANDING = dict(failed_joint=NUMBER, reached=NUMBER, ready=NUMBER)
 """Layouts of where steps stand, in the first place: why one has failed, after which part of it; may the next one begin?"""
@@ -156,7 +183,8 @@ class LinkedBodies(System):
     forces?
     meshes : do joints share rotors?  mesh : how many pairs of such joints; of each both, and the block; meshing : the rate
     that the one gains by an impulse of the other.  near : with how many others a joint has a body in common, at most.
-    one_body : the equation of one of the bodies.
+    one_body : the equation of one of the bodies.  level : of the derivative that numbers carry along; None for none.
+    varied : are what does not change and what acts differentiated by on the way back?
     """
 
     jointed: ClassVar[bool] = True
@@ -189,6 +217,8 @@ class LinkedBodies(System):
     meshing: Any
     near: float
     one_body: Any = None
+    level: float | None = None
+    varied: bool = False
 
     @property
     def loaded(self) -> bool:

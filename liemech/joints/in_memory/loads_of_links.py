@@ -333,7 +333,7 @@ def excess_of_rates(system: Any, work: Any, equations: Any) -> None:
     for side in pushed_answers(sides, work) if system.pushed else free_answers(sides, work):
         kicks = [-vectors.sum([gain[b, i] * side[m + b] for b in n]) for i in n]
         answers = [*answers, [*side[:m], *kicks]]
-    equations.residual.save(rates_off(system, sides, work))
+    equations.residual.save(rates_off(system, sides, both(work.velocity, work), work))
     save_answers(system, sides, answers, 1.0, 1.0, work, equations)
 
 
@@ -344,7 +344,7 @@ def pushed_answers(sides: Any, work: Any) -> list[list[Vec]]:
 
 def excess_again(system: Any, work: Any, equations: Any) -> None:
     """Write down the residual of the rates of a joint, without its block of the matrix."""
-    equations.residual.save(rates_off(system, equations.sides.load(), work))
+    equations.residual.save(rates_off(system, equations.sides.load(), both(work.velocity, work), work))
 
 
 def wrench_of_corrections(system: Any, work: Any, equations: Any) -> None:

@@ -4,9 +4,24 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
+from ...compiler.sites.planes import Planes
 from ...errors import InvalidInput
+from ...formulas import mat, vec
+from ...formulas.classes.layouts import Layout, carried_layout, layout_of
+from ...formulas.classes.records import with_fields
+from ...formulas.tables import Table
 from ...rooms.sites.runs.plan import SitesOfPlan
+from ...simulation.compiled.execution import like
+from ...systems.lie_poisson import BodyState
+from .links import REST6, with_derivatives
+from .multipliers_backwards import felt_by_numbers, with_way_back
+from .rattle_backwards import RattleOnTheWayBack
+from .rattle_of_links import RattleOfLinks
 from .runs import LinksRun, linked_method
+
+AT_REST = BodyState(REST6, mat(*[vec(*[0.0] * 4)] * 4))
 
 
 class LinksOfPlan(SitesOfPlan):
@@ -37,6 +52,61 @@ class LinksOfPlan(SitesOfPlan):
         if members and self.plan.adaptive:
             return "adaptive step of each member"
         return super().missing(t_eval, checkpoint, members)
+
+    def with_derivatives(self, level: float) -> LinksOfPlan:
+        """The runs of the plan whose numbers carry a derivative of this level."""
+        plan = like(self.plan)
+        plan._sites = LinksOfPlan(plan, with_derivatives(self.site, level))
+        return plan._sites
+
+    def room_beside(self, count: int) -> Planes:
+        form = self.plan._one.linked
+        before = 2 * self.memory_of(self.parts_together()[0][0].method if self.method.together else self.method).width
+        rows = before + len(form.fixed) + form.working_rows + self.site.work.width - form.links.work.width
+        planes = Planes.of_rows(rows, count)
+        planes.array[before : before + len(form.fixed), :count] = form.fixed
+        return planes
+
+    def has_tangents(self, start: Any) -> bool:
+        """Do numbers that carry derivatives go through the steps: fixed ones of one linkage by the reduced equation, or by
+        LieRATTLE without loads, where no joint is in a given motion or has a rotor, and no formula acts on all bodies?
+        """
+        site = self.site
+        if self.plan.adaptive or start.bodies is not None or site.rheonomic or site.geared or site.on_all is not None:
+            return False
+        method = self.method
+        return not method.together or (isinstance(method, RattleOfLinks) and method.ending is None and not site.loaded)
+
+    def has_way_back(self, start: Any, varied: bool) -> bool:
+        return self.has_tangents(start) and not (varied and self.method.together)
+
+    def parts_together(self) -> Any:
+        method = self.method
+        if not method.together:
+            return None
+        shares = np.reshape(method.shares.array, (-1, 2))
+        step = with_fields(method, shares=Table(np.array([1.0, 0.0])), substeps=1.0, stages=1)
+        motion = RattleOnTheWayBack(step, self.memory_of(step))
+        return (motion,), [(0, node, share) for share, node in shares.tolist()]
+
+    def memory_of(self, method: Any) -> Layout:
+        """The layout of what a method carries along for a body on the way back."""
+        return carried_layout(method.start(self.site, AT_REST, 1.0)) if method.together else layout_of(())
+
+    def on_the_way_back(self, varied: bool) -> LinksOfPlan:
+        plan = like(self.plan)
+        plan._sites = LinksOfPlan(plan, with_way_back(self.site, varied))
+        return plan._sites
+
+    def numbers_of(self, system: Any) -> np.ndarray:
+        numbers: np.ndarray = system.linked.fixed
+        return numbers
+
+    def felt_by_numbers(self, planes: Planes) -> np.ndarray:
+        return felt_by_numbers(self.site, planes, self.plan._one.linked.fixed)
+
+    def count_of(self, start: Any) -> int:
+        return int(self.site.bodies)
 
     @property
     def kind(self) -> Any:

@@ -23,10 +23,11 @@ from typing import Any, ClassVar
 
 from ...compiler.sites.planes import columns, each
 from ...errors import NoConvergence
-from ...formulas import Mat, Vec, dot, mat, plain, record, transpose, vec, vectors, where
+from ...formulas import Mat, Vec, constant, dot, mat, plain, record, transpose, vec, vectors, where
 from ...formulas.classes.layouts import Layout
 from ...formulas.classes.records import with_fields
 from ...formulas.elimination import inverted, of_quarters, quarters
+from ...formulas.numbers.conversions import resting
 from ...formulas.tables import entry, whole
 from ...groups.retractions import Exponential
 from ...integrators.memory import continued
@@ -99,7 +100,7 @@ class RattleOfLinks(StepsOfLinks):
             each(sites, copied, numbers.state, numbers.shown)
         elif work.ready.at(0) == READY:
             if impulses_off(system, sites, work, work.equations.heads(system.most)):
-                each(sites, on_the_constraint, numbers.state, numbers.shown, work)
+                each(sites, on_the_constraint, system, numbers.state, numbers.shown, work)
             else:
                 each(sites, copied, numbers.state, numbers.shown)
 
@@ -203,7 +204,7 @@ class RattleOfLinks(StepsOfLinks):
         each(sites, held_by_unknown, work)
         h = part * h
         equations, now = work.equations.heads(system.most), system.at_time(t + h)
-        before, anew, settled, inside, dependent = INFINITY, True, False, False, -1.0
+        before, anew, settled, inside, dependent, last = INFINITY, True, False, False, -1.0, False
         while True:
             if system.meshes:
                 meshed(system, work)
@@ -217,7 +218,9 @@ class RattleOfLinks(StepsOfLinks):
                 each(sites, mismatch_of_body, system, self.retraction, h, old, work)
                 each(sites, mismatch_of_joint, now, h, work, equations)
             pulled_by_solution(system, sites, work, equations)
-            each(sites, corrected, system, self.retraction, work, equations)
+            each(sites, corrected, system, self.retraction, where(last, 1.0, 0.0), work, equations)
+            if last:
+                break
             length, whole, size, upright, inside = summed(system, work)
             count = count + 1.0
             shrinks = length <= CONTRACTION * before
@@ -231,7 +234,9 @@ class RattleOfLinks(StepsOfLinks):
             settled = good and (small or not shrinks)
             before, anew = length, length > NEAR * whole
             if settled or not good or not count < MOST:
-                break
+                if not settled or system.level is None:
+                    break
+                last, anew = True, True  # derivatives by one correction more
         return settled and inside, count, dependent
 
 
@@ -267,7 +272,7 @@ def guessed(h: float, old: Any, past: Any, work: Any) -> None:
 
 def nothing(pasts: Any) -> Any:
     """Are all numbers of all vectors zero, as before the first step?"""
-    return vectors.sum([abs(x) for past in pasts for x in past]) == 0.0
+    return vectors.sum([abs(constant(x)) for past in pasts for x in past]) == 0.0
 
 
 def held_by_unknown(work: Any) -> None:
@@ -287,16 +292,17 @@ def correction_of_body(system: Any, retraction: Any, h: float, old: Any, work: A
     group, begin, J = system.group, old.load(), work.inertia.load()
     x, g, rate = work.unknown.nth(0).load(), plain(begin.g), 1.0 / h
     r, by_p, by_x = retraction.residual(group, x, times(J, rate * x), pushed_momentum(plain(begin.mu), h, work))
-    A = with_inertia(by_x, momentum_slope(by_p, rate * J))
+    by_p, still = resting(by_p), resting(x)
+    A = with_inertia(resting(by_x), momentum_slope(by_p, rate * J))
     inverse, same, _ = inverted(A, REST6, h)
-    free, answer, moved = inverse @ r, *answers(retraction, group, x, by_p, inverse)
+    free, answer, moved = inverse @ r, *answers(retraction, group, still, by_p, inverse)
     work.free_correction.save(free)
     work.answer.save(answer)
-    work.free_at_end.save(retraction.dtau(group, x, free))
+    work.free_at_end.save(retraction.dtau(group, still, free))
     work.answer_at_end.save(moved)
     work.end_pose.save(retraction.compose_tau(group, g, x))
     work.sign_kept.save(same)
-    away = vec(g[0, 3], g[1, 3], g[2, 3])
+    away = vec(*[constant(g[i, 3]) for i in range(3)])
     size = vectors.sum(
         [(J[i, i] if isinstance(J, vectors.Mat) else J[i]) * (1.0 if i < 3 else dot(away, away)) for i in range(6)]
     )
@@ -337,13 +343,18 @@ def mismatch_of_body(system: Any, retraction: Any, h: float, old: Any, work: Any
     work.end_pose.save(retraction.compose_tau(group, plain(begin.g), x))
 
 
-def corrected(system: Any, retraction: Any, work: Any, equations: Any) -> None:
-    """The unknown after Newton's correction, and what it tells: how long the correction is, and the displacement."""
+def corrected(system: Any, retraction: Any, last: float, work: Any, equations: Any) -> None:
+    """The unknown after Newton's correction, and what it tells: how long the correction is, and the displacement.
+    last : 1 for one of derivatives alone.
+    """
     (x, l), J, push = work.unknown.load(), work.inertia.load(), pull_on(work)
-    dx = work.free_correction.load() - answered(work.answer.load(), push)
-    x, l = x - dx, l - equations.solution.load()
+    dx, dl = work.free_correction.load() - answered(work.answer.load(), push), equations.solution.load()
+    if system.level is not None:
+        dx, dl, push = [y - last * resting(y) for y in (dx, dl, push)]
+    x, l = x - dx, l - dl
     work.unknown.save((x, l))
     work.impulse.save(work.impulse.load() - push)
+    dx, x = resting(dx), resting(x)
     work.change_square.save(dot(dx, times(J, dx)))
     work.value_square.save(dot(x, times(J, x)))
     work.in_chart.save(where(retraction.is_chart(system.group, 2.0 * x), 1.0, 0.0))
@@ -378,14 +389,16 @@ def ended(system: Any, past: Any, next_past: Any, state: Any, work: Any) -> None
     pasts, unknown = past.load(), vec(*x, *l)
     fresh = nothing(pasts)
     if system.loaded:
-        on_the_constraint(state, state, work)
+        on_the_constraint(system, state, state, work)
     next_past.save(tuple([vec(*[where(fresh, a, b) for a, b in zip(unknown, y)]) for y in (unknown, *pasts[:-1])]))
 
 
-def on_the_constraint(state: Any, shown: Any, work: Any) -> None:
+def on_the_constraint(system: Any, state: Any, shown: Any, work: Any) -> None:
     """A body without the momentum that leads off the constraint."""
-    body = state.load()
-    shown.save(BodyState(body.mu - pull_on(work), body.g))
+    body, pull = state.load(), pull_on(work)
+    if system.level is not None:
+        pull = work.impulse.load() + (pull - resting(pull))
+    shown.save(BodyState(body.mu - pull, body.g))
 
 
 def summed(system: Any, work: Any) -> tuple[float, float, float, bool, bool]:
@@ -441,9 +454,10 @@ def correction_of_joint(system: Any, sign: float, h: float, work: Any, equations
     g, k = poses_of(work.end_pose, work)
     first, second = system.of_kind(work, lambda it: it.rows(g, k, n, 0))
     rows = [a * row for a, row in zip(alive, first)], [(a * has_second) * row for a, row in zip(alive, second)]
+    rows = resting(rows)
     equations.residual.save(missed(system, h, rows, g, k, work))
     moved = both(work.answer_at_end, work)
-    joint_answers = [[answered(K, row) for row in side] for K, side in zip(moved, equations.sides.load())]
+    joint_answers = [[answered(K, row) for row in side] for K, side in zip(moved, resting(equations.sides.load()))]
     equations.end_sides.save((mat(*rows[0]), mat(*rows[1])))
     save_answers(system, rows, joint_answers, sign, h, work, equations)
 

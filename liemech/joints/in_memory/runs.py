@@ -196,8 +196,9 @@ class LinksRun(SiteRun):
         self.workers = 1
         form = self.plan._one.linked
         before = 2 * width + getattr(self.shape.method, "room", 0)
-        planes = Planes.of_rows(before + len(form.fixed) + form.working_rows, self.count)
-        self.of = columns(Planes(planes.array[before:], self.count), work=form.links.work).work.fields
+        working_rows = form.working_rows + self.site.work.width - form.links.work.width
+        planes = Planes.of_rows(before + len(form.fixed) + working_rows, self.count)
+        self.of = columns(Planes(planes.array[before:], self.count), work=self.site.work).work.fields
         self.work[: len(form.fixed), : self.count] = form.fixed
         return planes
 

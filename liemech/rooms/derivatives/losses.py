@@ -16,8 +16,11 @@ from ...formulas import Record
 from ...formulas.classes.layouts import layout_of
 from ...formulas.numbers.conversions import fitted
 from ...formulas.numbers.dual import Dual
+from ...formulas.numbers.transposes import pulled_back
+from ...formulas.vectors import small
 from ...simulation import arguments
 from ...simulation.between.dense import evaluated, flat, report
+from ...systems.system import state_of
 from .directions import dual_of
 from .frames import LEVEL, StatesInFrames
 
@@ -40,15 +43,15 @@ class Objective:
     """A number that depends on the states of a run at some of its samples, and its derivatives by them.
 
     run : with `states` as its samples, of a body like `example`, or of a site, and then `by_site`, from the parts of states
-    as users see them to those with an axis of sites.  samples : mask of the states by which more than the end counts;
-    None for the end alone.
+    as users see them to those with an axis of sites; is a loss, `as_one`, a function of all sites together?  samples : mask
+    of the states by which more than the end counts; None for the end alone.
     value : the number; None of a cotangent.  by_states : (n, many, count), the derivatives.
     """
 
     def __init__(
-        self, run: Any, states: StatesInFrames, example: Any, samples: Any = None, by_site: Any = None
-    ) -> None:
-        self.run, self.states, self.example, self.by_site = run, states, example, by_site
+        self, run: Any, states: StatesInFrames, example: Any, samples: Any = None, by_site: Any = None, as_one: bool = False,
+    ) -> None:  # fmt: skip
+        self.run, self.states, self.example, self.by_site, self.as_one = run, states, example, by_site, as_one
         self.alone, self.end = samples is None, np.array([len(states.numbers) - 1])
         self.samples = self.end if samples is None else np.flatnonzero(samples)
         self.value: float | None = None
@@ -64,7 +67,11 @@ class Objective:
             if name == "along" and functions is None:
                 continue
             function = Loss(functions, name, self.run.bodies if self.by_site is None else None)
-            for some in self._pieces(where):
+            if self.as_one:
+                values, parts = function.pulled(self.run, where)
+                sums.append(math.fsum(values))
+                self._add(where, parts)
+            for some in self._pieces(where[: 0 if self.as_one else None]):
                 of_some = self.run.t[some], states.numbers[some], states.basis(some)
                 values, slopes = function.slopes(self.example, *of_some, compiled)
                 sums.append(float(values.sum()))
@@ -95,11 +102,16 @@ class Objective:
                 part = flat({name: np.asarray(part, shown.dtype)}, part.shape[0]).reshape(shape)
             array = arguments.cotangent(part, name, shape, "fiuc" if np.iscomplexobj(x) else "fiu")
             parts[name] = array.astype(x.dtype).reshape(len(some), *x.shape[1:])
+        self._add(some, parts)
+
+    def _add(self, some: np.ndarray, parts: dict[str, np.ndarray]) -> None:
+        """Add to its derivatives by some states those by the numbers of their parts."""
+        states, frames = self.states, self.states.frames
         parts = self.by_site(parts) if self.by_site else parts
         shapes = {name: (len(some), states.many, *x.shape[2:]) for name, x in states.arrays.items()}
         rows = StatesInFrames(frames, {name: x.reshape(shapes[name]) for name, x in parts.items()}).numbers
         for piece in self._pieces(np.arange(len(some))):
-            self.by_states[some[piece]] = (states.basis(some[piece]) @ rows[piece][..., None])[..., 0]
+            self.by_states[some[piece]] += (states.basis(some[piece]) @ rows[piece][..., None])[..., 0]
 
     def _pieces(self, samples: np.ndarray) -> list[np.ndarray]:
         """The numbers of samples in turn, as many as are in memory at once."""
@@ -169,6 +181,23 @@ class Loss:
                 pairs = evaluated(sloping, (self.functions[i], point), numbers_of_body, 2, compiled, what)
                 duals[:, of_body] = pairs.reshape(duals[:, of_body].shape)
         return duals[:, :, 0, 0], duals[..., 1]
+
+    def pulled(self, run: Any, some: np.ndarray) -> tuple[list[float], dict[str, np.ndarray]]:
+        """The values at some samples of a run, and the derivatives by the numbers of the parts of states there."""
+        function, kind, names = self.of(0), type(run.last), [*run.states]
+        values, slopes = [], {name: np.zeros(x[some].shape) for name, x in run.states.items()}
+        for n, k in enumerate(some.tolist()):
+
+            def value(parts: Any, t: float = run.t.item(k)) -> Any:
+                state = state_of(kind, dict(zip(names, parts)))
+                return 1.0 * (function(t, state) if self.timed else function(state))
+
+            parts = tuple([small(x[k]) for x in run.states.values()])
+            self._checked(state_of(kind, dict(zip(names, parts))), run.t.item(k))
+            values.append(value(parts))
+            for name, slope in zip(names, pulled_back(value, None, (), parts, 1.0)[0]):
+                slopes[name][n] = slope
+        return values, slopes
 
     def _checked(self, example: Any, t: float) -> None:
         """Refuse a function that gives no number.  Raises InvalidType."""

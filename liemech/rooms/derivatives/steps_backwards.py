@@ -101,12 +101,14 @@ class SiteMotion(Record):
     """A part of a step that has a way back, of one site; abstract.
 
     A subclass writes `moved`; where that is not all that J^T w needs, it writes `back` too.
-    joins : do two in turn make one of the sum of their lengths?
+    joins : do two in turn make one of the sum of their lengths?  together : is it one of all bodies of a linkage, which has
+    methods `move` and `go_back`?
 
     Source: Griewank and Walther, Evaluating Derivatives, 2nd ed., section 3.2.
     """
 
     joins = False
+    together = False
 
     def moved(self, system: Any, part: StepPart, state: Any) -> Any:
         """The state after the part of the step, from the one before."""

@@ -11,6 +11,7 @@ from ...simulation.trajectory import TangentTrajectory
 from ...systems.many.site_state import SiteValues
 from ...systems.system import member
 from ..sites.runs.plan import LARGE
+from .frames import LEVEL
 from .of_sites.tangent import tangent_by_sites
 from .tangent import multiplied, of_bodies, of_one
 from .through_events import tangent_with_events
@@ -51,6 +52,8 @@ def _of_sites(sites: Any, start: Any, steps: Any, t_end: Any, t0: float, names: 
     """
     plan, system = sites.plan, sites.plan._one
     if sites.site.jointed:
+        if names == ("start",) and sites.has_tangents(start):
+            return tangent_by_sites(sites.with_derivatives(LEVEL), start, steps, t_end, t0, product)
         return None
     if start.bodies is not None:
         members = [sites.member(start, i) for i in range(start.bodies)]

@@ -24,6 +24,7 @@ from ...errors import IncompatibleSystem, InvalidInput
 from ...formulas import Vec
 from ...formulas.classes.flattening import build, leaves
 from ...formulas.classes.layouts import layout_of, restricted
+from ...formulas.numbers.conversions import resting
 from ...formulas.numbers.dual import Dual
 from ...formulas.numbers.sizes import EPSILON
 from ...formulas.vectors import small
@@ -156,9 +157,9 @@ class RunWithEvents:
         trial = method.trial(system, t, state, xi, end - t, of_plan.rtol, of_plan.atol, True)
         return on_the_way(method.retraction, system, state, trial.curve, h / (end - t))
 
-    def rate(self, event: Any, t: float, state: Any, at: float, end: float) -> float:
-        """The rate of an event at its zero, by the length of the step there.  Raises InvalidInput where it grazes, or where
-        the motion has jumped just then.
+    def at_zero(self, event: Any, t: float, state: Any, at: float, end: float) -> tuple[float, Any, np.ndarray]:
+        """At the zero of an event its rate, the state before it, and the rates of its numbers, all by the length of the step
+        there.  Raises InvalidInput where the event grazes, or where the motion has jumped just then.
         """
         if at in (t, math.nextafter(t, end)):
             raise InvalidInput(
@@ -166,14 +167,14 @@ class RunWithEvents:
                 "depends on rounding, and nothing there has a derivative. Begin elsewhere, or end the run before"
             )
         moved = self.leg(self._way(self.method), self.system, t, state, Dual(at - t, 1.0, LEVEL), end)
-        value = event(Dual(at, 1.0, LEVEL), moved)
+        value, numbers = event(Dual(at, 1.0, LEVEL), moved), leaves(moved, layout_of(state))
         rate, mean = slopes_of([value], 1).item(), abs(event(t, state) / (at - t))
         if not abs(rate) > GRAZING * mean:
             raise InvalidInput(
                 f"Plan.tangent: {name_of(event)} grazes its zero at t = {at:.10g}, its rate there is {rate:.1e}, on the way "
                 f"to it {mean:.1e}: the time of the zero has no derivative. Begin elsewhere, or end the run before"
             )
-        return rate
+        return rate, resting(moved), slopes_of(numbers, 1)[0]
 
     def through(
         self, crossing: Crossing, directions: Directions, tangent: np.ndarray
@@ -181,58 +182,58 @@ class RunWithEvents:
         """The tangents behind a crossing, (N, directions), and the derivatives of the times of its zeros, (directions,)
         each.  tangent : (N, directions) where it begins.
         """
-        frames, state = directions.frames, self.state(crossing.first)
-        t, end = self.run.t.item(crossing.first), self.run.t.item(crossing.last)
-        moves, layout = tangent.T @ frames.basis(self.points(crossing.first))[0], layout_of(state)
-        of_method, of_system, _ = directions.places
-        rows = directions.slopes
+        moves = tangent.T @ directions.frames.basis(self.points(crossing.first))[0]
         # a number carries all directions; those by a table have systems of their own
-        parts = [slice(k, k + 1) for k in range(len(rows))] if directions.varied else [slice(None)]
-        pairs = [
-            (
-                self._way(dual_of(directions.method, rows[k, of_method].T)),
-                dual_of(directions.varied.get(k.start, directions.system), rows[k, of_system].T),
-            )
-            for k in parts
-        ]
-        states, times = [dual_of(state, moves[k].T) for k in parts], []  # type: list[Any], list[np.ndarray]
-        clocks = [Dual(t, Vec(*[0.0] * len(rows[k])), LEVEL) for k in parts]
+        parts = [slice(k, k + 1) for k in range(len(moves))] if directions.varied else [slice(None)]
+        changes, times = zip(*[self._along(crossing, directions, part, moves[part]) for part in parts])
+        if crossing.last > crossing.first:
+            ends = self.points(crossing.last)
+            tangent = directions.frames.components(ends, np.concatenate(changes)[None])[0].T
+        return tangent, [np.concatenate(of_zero) for of_zero in zip(*times)]
+
+    def _along(
+        self, crossing: Crossing, directions: Directions, some: slice, changes: np.ndarray
+    ) -> tuple[np.ndarray, list[np.ndarray]]:
+        """The changes of numbers of the state behind a crossing along some of the directions, (directions, numbers), and the
+        derivatives of the times of its zeros.  changes : where it begins.
+        """
+        state, rows, many = self.state(crossing.first), directions.slopes[some], len(changes)
+        of_method, of_system, _ = directions.places
+        varied_system = directions.varied.get(some.start, directions.system)
+        method = self._way(dual_of(directions.method, rows[:, of_method].T))
+        system, layout = dual_of(varied_system, rows[:, of_system].T), layout_of(state)
+        t, end, times = self.run.t.item(crossing.first), self.run.t.item(crossing.last), []  # type: Any, Any, list[np.ndarray]
+        clock, moved = Dual(t, Vec(*[0.0] * many), LEVEL), dual_of(state, changes.T)
         at_end = None  # where the run ends inside of a step
         for number, at, whole in crossing.zeros:
             event = self.events[number]
-            rate = self.rate(event, t, state, at, whole)
-            ends = [self.leg(*pair, c, y, at - c, whole) for pair, c, y in zip(pairs, clocks, states)]
-            dt = -np.concatenate([slopes_of([event(at, y)], len(rows[k]))[:, 0] for k, y in zip(parts, ends)]) / rate
+            rate, before, rates = self.at_zero(event, t, state, at, whole)
+            at_same_time = self.leg(method, system, clock, moved, at - clock, whole)
+            dt = -slopes_of([event(at, at_same_time)], many)[:, 0] / rate
             times.append(dt)
             at_end = whole if self.run.ended == number and at == end else None
             if at_end is not None or not isinstance(event, Jump):
                 continue
-            later = [Dual(at, Vec(*dt[k].tolist()), LEVEL) for k in parts]
-            ends = [self.leg(*pair, c, y, l - c, whole) for pair, c, y, l in zip(pairs, clocks, states, later)]
-            changes = np.concatenate([slopes_of(leaves(y, layout), len(rows[k])) for k, y in zip(parts, ends)])
-            before = self.leg(self._way(self.method), self.system, t, state, at - t, whole)
-            state, t, clocks = self.behind(event, self.system, at, before), at, later
+            changes = slopes_of(leaves(at_same_time, layout), many) + np.outer(dt, rates)
+            clock, moved = Dual(at, Vec(*dt.tolist()), LEVEL), dual_of(before, changes.T)
             try:
-                behind = np.concatenate([
-                    slopes_of(leaves(event.jump_of(pair[1]).after(l, y), layout), len(rows[k]))
-                    for k, pair, y, l in zip(parts, pairs, ends, later)
-                ])  # fmt: skip
+                changes = slopes_of(leaves(event.jump_of(system).after(clock, moved), layout), many)
             except TypeError:  # one that numbers with derivatives do not go through, as `system.state`
-                behind = np.array([
-                    self._jumped(event, directions.varied.get(k, directions.system), rows[k, of_system], at, dt[k], before,
-                                 frames, changes[k])
-                    for k in range(len(rows))
+                given = at, before, directions.frames
+                changes = np.array([
+                    self._jumped(event, varied_system, row[of_system], shift, *given, change)
+                    for row, shift, change in zip(rows, dt.tolist(), changes)
                 ])  # fmt: skip
-            states = [dual_of(state, behind[k].T) for k in parts]
+            state, t = self.behind(event, self.system, at, before), at
+            moved = dual_of(state, changes.T)
         if crossing.last == crossing.first:
-            return tangent, times
+            return changes, times
         if end != t:
-            ends = [self.leg(*pair, c, y, end - c, at_end) for pair, c, y in zip(pairs, clocks, states)]
+            moved = self.leg(method, system, clock, moved, end - clock, at_end)
         else:  # where the run ends with a jump
             xi = self.system.rate(t, self.system.essential_part(state))
-            ends = [self.system.displaced(Exponential(), y, (end - c) * xi) for c, y in zip(clocks, states)]
-        changes = np.concatenate([slopes_of(leaves(y, layout), len(rows[k])) for k, y in zip(parts, ends)])
-        return frames.components(self.points(crossing.last), changes[None])[0].T, times
+            moved = self.system.displaced(Exponential(), moved, (end - clock) * xi)
+        return slopes_of(leaves(moved, layout), many), times
 
     def points(self, row: int) -> dict[str, np.ndarray]:
         """The parts of the state at a row, with a leading axis."""
@@ -249,7 +250,7 @@ class RunWithEvents:
         return restricted(after, layout_of(before))
 
     def _jumped(
-        self, event: Any, system: Any, of_system: np.ndarray, at: float, shift: float, before: Any, frames: Any,
+        self, event: Any, system: Any, of_system: np.ndarray, shift: float, at: float, before: Any, frames: Any,
         move: np.ndarray,
     ) -> np.ndarray:  # fmt: skip
         """The derivative of the numbers behind a jump by differences: along a change of all numbers before it, of its time

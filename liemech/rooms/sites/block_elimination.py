@@ -60,7 +60,7 @@ class Elimination(Record):
 
 def fill(order: Elimination, equations: Any) -> None:
     """Set the blocks to zero that are not there before elimination."""
-    n = equations.residual.width
+    n = equations.diagonal.width
     for p in range(whole(order.filled, 0)):
         put_block(equations.blocks, whole(order.filled, 1 + p), mat(*[vec(*[0.0] * n)] * n))
 
@@ -70,7 +70,7 @@ def factor(order: Elimination, sign: float, equations: Any, measure: Any = None)
     determinant has another sign than that of `sign` times a positive matrix; and the sum of a `measure` of pivots, if there
     is one.
     """
-    blocks, n = equations.blocks, equations.residual.width
+    blocks, n = equations.blocks, equations.diagonal.width
     dependent, same_sign, total = -1.0, 1.0, 0.0
     for p in range(int(order.nodes)):
         k, begin, end = (whole(order.pivots, 3 * p + i) for i in range(3))
@@ -97,7 +97,7 @@ def substitute(order: Elimination, equations: Any) -> None:
     are lessened by them, and back from the last node to the first.
     """
     blocks, residual, solution = equations.blocks, equations.residual, equations.solution
-    count, n = int(order.nodes), residual.width
+    count, n = int(order.nodes), equations.diagonal.width
     for p in range(count):
         k, begin, end = (whole(order.pivots, 3 * p + i) for i in range(3))
         x = block_at(blocks, BLOCKS * k, n) @ residual.at(k)

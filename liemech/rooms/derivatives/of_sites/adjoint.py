@@ -26,6 +26,7 @@ from ....groups.composed.species import SpeciesGroup
 from ....integrators.ending_at_jumps import uncut
 from ....integrators.method import steps_as
 from ....simulation.between.dense import unpacked
+from ....simulation.compiled.parameters import full_name, parameter, shape_of
 from ....systems.in_time.inputs import inputs
 from ....systems.many.site_state import SiteValues
 from ...sites.parts_of_spins import Sublattices
@@ -36,6 +37,8 @@ from ...sites.spin_splittings import TermSplitting, terms_of
 from ...sites.terms.sums_of_terms import MomentumTerms, PlaceTerms
 from ...sites.terms.terms_at_site import ForceOfSite
 from ..blocks import remembers, require_same
+from ..differences import slope_of
+from ..directions import parameter_moves
 from ..frames import Frames
 from ..reversal import go_back
 from ..steps_backwards import BondTurn, FieldTurn, Question, asks_whole_energies, parts_of, questions
@@ -80,7 +83,7 @@ class BackwardRun:
         if isinstance(start, SiteValues) or isinstance(group, SpeciesGroup) or system.noisy:
             raise IncompatibleSystem(NO_WAY.format(f"of {type(system).__name__} on {group!r}"))
         self.plan, self.start, self.t0 = plan, start, t0
-        self.h, self.sites = plan._steps.h, start.sites
+        self.h, self.sites = plan._steps.h, sites.count_of(start)
         method = plan._steps.way_of(0)
         self.grid: Any = None  # when steps begin, and how long they are, where they are of many lengths
         if isinstance(method, StepsOfARun):
@@ -89,7 +92,8 @@ class BackwardRun:
         self.frames = Frames(sites.site, self.first)
         self.dims = self.frames.sizes
         self.lists = Lists.of(plan._one, sites.site)
-        parameters = [Parameter(plan._one, name) for name in names]
+        self.of_sites, self.names = sites, names if sites.site.jointed else ()
+        parameters = [Parameter(plan._one, name) for name in names[: 0 if self.names else None]]
         self.cut = None if uncut(method) is method else method
         if parameters and self.cut is not None and inputs(plan._one):
             raise IncompatibleSystem(
@@ -100,6 +104,7 @@ class BackwardRun:
         self.count = len(self.order)
         self.rows = site_rows(start)[:, self.order]
         self._make_room(steps, bool(parameters))
+        self.beside = sites.room_beside(self.count)  # what formulas of joints work with
         self.parts = self._parts(parameters)
         key = "backward", layout_of(self.way)
         if key not in sites.known:
@@ -114,7 +119,7 @@ class BackwardRun:
         self.cotangents, self.last = dict[int, np.ndarray](), 2
         ends = unpacked(self.way.state, self._advance(self.rows, 0, -(-2 // self.block)).T)
         for name, of_run in self.plan._one.by_site({name: x[-1] for name, x in run.states.items()}).items():
-            require_same(self.plan.method, ends[name][self.places], of_run)
+            require_same(self.plan.method, ends[name][self.places], of_run[: self.sites])
 
     # ---------------------------------------------------------------- what it is made of
 
@@ -122,7 +127,7 @@ class BackwardRun:
         """Find the motions of a step, and its parts: which motion, when it begins, how long it is, as shares;
         and where the sites are that turn.
         """
-        self.order = self.places = np.arange(self.sites)
+        self.order, self.places = np.arange(self.start.sites), np.arange(self.sites)
         if steps_as(method, TermSplitting):
             turning: Any = method._motions(terms_of(self.plan._one))
             in_place = isinstance(turning, Sublattices)
@@ -137,7 +142,7 @@ class BackwardRun:
             motions: Any = tuple([FieldTurn(x) if in_place else BondTurn(x) for x in forms])
             rows = [(numbers[k][0], at, share, *numbers[k][1:]) for k, share, at in method.turns(turning)]
         else:
-            motions, shares = parts_of(method, site)
+            motions, shares = self.of_sites.parts_together() or parts_of(method, site)
             rows = [(*row, 0, 0) for row in shares]
         # kind, t, h, begin, end
         self.of_step = np.array(rows, dtype=float)
@@ -156,6 +161,8 @@ class BackwardRun:
         )  # fmt: skip
         counts = _counted.get(site) or {}
         key = layout_of(self.way), kept
+        if site.jointed:
+            counts[key] = [(0, 0)]
         if key not in counts:
             h = self.h if self.grid is None else self.grid[1].item(0)
             try:
@@ -216,8 +223,8 @@ class BackwardRun:
         none, shared = kernel.Columns(np.empty(0)), kernel.Shared(np.empty(0))
         of_run = steps.compiled, steps.progress
         return (
-            SiteExecution(*of_run, forward_parts, self.way, 1, shared, planes, none, None),
-            SiteExecution(*of_run, backward_parts, self.way, 1, shared, *[planes] * 5),
+            SiteExecution(*of_run, forward_parts, self.way, 1, shared, planes, planes, none, None),
+            SiteExecution(*of_run, backward_parts, self.way, 1, shared, *[planes] * 6),
         )
 
     def _parts(self, parameters: list[Parameter]) -> list[SlopesOfPart]:
@@ -266,10 +273,11 @@ class BackwardRun:
             self.felt.array[:] = rows_of(self.cotangents[self.last])
         for part in self.parts:
             part.sums.array[:] = 0.0
+        self.beside = self.of_sites.room_beside(self.count)
         if self.last:
             blocks = -(-self.last // self.block)
             go_back(blocks, self.kept, self.rows, self._advance, self._back)
-        by_name: dict[str, Any] = {}
+        by_name: dict[str, Any] = self._by_numbers() if self.names else {}
         for part in self.parts:
             for name, slopes in part.by_name.items():
                 by_name[name] = by_name[name] + slopes if name in by_name else slopes
@@ -280,6 +288,17 @@ class BackwardRun:
                 "part too fast; take a shorter run"
             )
         return slope, by_name
+
+    def _by_numbers(self) -> dict[str, np.ndarray]:
+        """The derivatives by parameters of a linkage, through its numbers in memory that follow from them."""
+        felt, system, by_name = self.of_sites.felt_by_numbers(self.beside), self.plan._one, {}
+        for name in self.names:
+            full, moves = full_name(system, name, "Plan.gradient"), []
+            for moved, step in parameter_moves(system, full):
+                change = slope_of(lambda x, moved=moved: self.of_sites.numbers_of(moved(x)), step)
+                moves.append(float(felt[felt != 0.0] @ change[felt != 0.0]))
+            by_name[name] = np.reshape(moves, shape_of(layout_of(parameter(system, full))))
+        return by_name
 
     def _pieces(self, n: np.ndarray) -> tuple[np.ndarray, ...]:
         """Of steps, or of the pieces into which they are cut, the number of the step, when they begin, how
@@ -336,9 +355,9 @@ class BackwardRun:
         done, failures = np.zeros(1), []  # type: Any, list[Any]
         with self.forward.on_sites(self.count * count, self.count, self.plan.options.workers) as calls:
             if calls is not None:
-                calls(self.way, count, kernel.Shared(parts), self.states, done, None)
+                calls(self.way, count, kernel.Shared(parts), self.states, self.beside, done, None)
             else:
-                forward_parts(self.way, count, parts.ravel(), self.states, done, failures)
+                forward_parts(self.way, count, parts.ravel(), self.states, self.beside, done, failures)
         if done[0] != count:
             raise IntegrationFailure(
                 f"Plan.tangent: the step at t = {parts[int(done[0]), 1]:g} could not be made again"
@@ -369,7 +388,7 @@ class BackwardRun:
         counts_of_parts = [np.array(counts)[parts[:, 0].astype(int)] for counts in zip(*self.questions)]
         for column, counts in zip((4, 5), counts_of_parts):
             parts[:, column] = np.cumsum(counts) - counts
-        arguments = states, self.felt, planes, self.momenta, self.elements
+        arguments = states, self.beside, self.felt, planes, self.momenta, self.elements
         with self.backward.on_sites(self.count * count, self.count, self.plan.options.workers) as calls:
             if calls is not None:
                 calls(way, count, kernel.Shared(parts), *arguments)

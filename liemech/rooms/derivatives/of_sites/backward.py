@@ -25,7 +25,7 @@ from ..steps_backwards import FieldTurn, Question, SiteMotion, StepPart
 
 # ------------------------------------------------------------------ steps
 
-PART = layout_of(StepPart(0.0, 0.0, 0.0))
+PART, NOTHING = layout_of(StepPart(0.0, 0.0, 0.0)), layout_of(())
 
 
 @record
@@ -56,14 +56,16 @@ def seen(way: WayBack, part: StepPart, value: Any) -> Any:
     return during(value, part.whole, part.length, way.beyond) if way.cut else value
 
 
-def forward_parts(way: WayBack, count: int, parts: Any, states: Any, done: Any, failures: Any) -> None:
+def forward_parts(
+    way: WayBack, count: int, parts: Any, states: Any, beside: Any, done: Any, failures: Any
+) -> None:  # fmt: skip
     """The driver: the states after each of so many parts of steps, one behind the other; `done` is then
     how many there are.
 
-    states : the first row is the one to begin from.
+    states : the first row is the one to begin from.  beside : what joints work with.
     """
     for n in range(count):
-        trial = attempt(moved, way, read(parts, n, PART), states, n)
+        trial = attempt(moved, way, read(parts, n, PART), states, beside, n)
         if not accepted(trial, itself):
             if failures is not None:
                 failures.append(reason(trial))
@@ -71,16 +73,18 @@ def forward_parts(way: WayBack, count: int, parts: Any, states: Any, done: Any, 
         write(done, 0, float(n + 1), NUMBER)
 
 
-def moved(way: WayBack, part: StepPart, states: Any, n: int) -> None:
+def moved(way: WayBack, part: StepPart, states: Any, beside: Any, n: int) -> None:
     """One part of a step of all sites."""
     for k, motion in enumerate(way.motions):
         for _ in range(int(part.kind == k)):
-            if isinstance(motion, FieldTurn):
+            if motion.together:
+                motion.move(way.system, part, states, n, way.state, beside)
+            elif isinstance(motion, FieldTurn):
                 each(states, copied_site, states, n, way.state)
                 begin, end = int(part.begin), int(part.end)
-                some(states, begin, end, one_moved, way, motion, part, states, n)
+                some(states, begin, end, one_moved, way, motion, part, states, beside, n)
             else:
-                each(states, one_moved, way, motion, part, states, n)
+                each(states, one_moved, way, motion, part, states, beside, n)
 
 
 def copied_site(states: Any, n: int, layout: Any) -> None:
@@ -88,16 +92,16 @@ def copied_site(states: Any, n: int, layout: Any) -> None:
     save(states, n + 1, load(states, n, layout), layout)
 
 
-def one_moved(way: WayBack, motion: SiteMotion, part: StepPart, states: Any, n: int) -> None:
+def one_moved(way: WayBack, motion: SiteMotion, part: StepPart, states: Any, beside: Any, n: int) -> None:
     """One part of a step of one site."""
-    system, motion = seen(way, part, at_this_site(way.system)), seen(way, part, motion)
+    system, motion = seen(way, part, at_this_site(way.system, beside, NOTHING)), seen(way, part, motion)
     new = motion.moved(system, part, load(states, n, way.state))
     require_finite(new)
     save(states, n + 1, fitted(new, way.state), way.state)
 
 
 def backward_parts(
-    way: WayBack, count: int, parts: Any, states: Any, felt: Any, injected: Any, momenta: Any,
+    way: WayBack, count: int, parts: Any, states: Any, beside: Any, felt: Any, injected: Any, momenta: Any,
     elements: Any,
 ) -> None:  # fmt: skip
     """The driver: the derivative by the state after the last of so many parts becomes the one by the
@@ -112,23 +116,25 @@ def backward_parts(
         part = read(parts, n, PART)
         for i, motion in enumerate(way.motions):
             for _ in range(int(part.kind == i)):
-                if isinstance(motion, FieldTurn):
+                if motion.together:
+                    motion.go_back(way.system, part, states, n, way.state, beside, felt, way.felt)
+                elif isinstance(motion, FieldTurn):
                     turned_back(way, motion, part, states, n, felt, elements, momenta)
                 else:
-                    each(states, one_back, way, motion, part, states, n, felt, momenta, elements)
+                    each(states, one_back, way, motion, part, states, beside, n, felt, momenta, elements)
         for _ in range(int(part.injected)):
             each(states, one_injected, way, felt, injected, met)
             met = met + 1
 
 
 def one_back(
-    way: WayBack, motion: SiteMotion, part: StepPart, states: Any, n: int, felt: Any, momenta: Any,
+    way: WayBack, motion: SiteMotion, part: StepPart, states: Any, beside: Any, n: int, felt: Any, momenta: Any,
     elements: Any,
 ) -> None:  # fmt: skip
     """The way of one site back through one part."""
     before, after = load(states, n, way.state), load(states, n + 1, way.state)
     w = load(felt, 0, way.felt)
-    system = seen(way, part, at_this_site(way.system))
+    system = seen(way, part, at_this_site(way.system, beside, NOTHING))
     back = motion.back(system, part, before, after, w)
     save(felt, 0, fitted(back.w, way.felt), way.felt)
     if way.kept:

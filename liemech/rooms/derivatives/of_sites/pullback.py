@@ -15,6 +15,7 @@ from ....simulation.compiled.parameters import full_name, parameter
 from ...sites.runs.states import first_of
 from ..frames import Frames, StatesInFrames
 from ..losses import Asked, Objective, arguments_of
+from ..varied_input import Tables
 from .adaptive import steps_of, with_samples
 from .adjoint import BackwardRun
 from .parameters import terms_of_sites
@@ -26,7 +27,8 @@ def gradient_by_sites(
     """A loss, its derivatives by "start" and by parameters of terms, the run, and |J^T w|/|w| where w is felt
     at the end alone; or of a cotangent.
 
-    asked : loss and cost are sums over the sites of functions of one, `lambda site: ...`; the cotangent is (N,) in the
+    asked : loss and cost are sums over the sites of functions of one, `lambda site: ...`, of linkages functions of the state
+    of all bodies; the cotangent is (N,) in the
     components of tangent maps, or by the parts of the state, {"mu": (sites, dim), "g": (sites, n, n)}; with an axis
     of samples in front where there is an `every`.  Raises InvalidInput for other shapes.
     """
@@ -42,28 +44,33 @@ def gradient_by_sites(
         steps = plan._count(steps, t_end, t0)
     between = asked.every or max(1, steps)
     shown = with_samples(plan, between)
-    others = tuple(n for n in names if n != "start")
+    others, sites = tuple(n for n in names if n != "start"), shown._sites
+    as_one = sites.site.jointed
     try:
-        back: Any = BackwardRun(shown._sites, state, steps, t0, others)
+        back: Any = BackwardRun(sites.on_the_way_back(bool(others)), state, steps, t0, others)
     except IncompatibleSystem:
         if others:
             raise
         back = None
     for name, function in (("loss", asked.loss), ("along", asked.along)):
-        if function is not None and not of_site(function):
+        if function is not None and not (as_one or of_site(function)):
             raise IncompatibleSystem(
                 f"Plan.{what}: the {name} of many sites is the sum of a function of one, {name}=lambda site: "
                 "..., or lambda t, site: ...; of all together plan.pullback takes the derivative"
             )
-    sites = shown._sites
     run = sites.kind(shown, sites.site, state, t0, steps, None, None, None).trajectory()
     numbers = np.minimum(np.arange(len(run.t)) * between, steps).tolist()
     if ends is not None:
         run = replace(run, t=ends[numbers])
-    arrays, first = plan._one.by_site(run.states), first_of(state)
-    states = StatesInFrames(Frames(sites.site, first), arrays)
+    first, count = first_of(state), sites.count_of(state)
+
+    def by_site(parts: dict[str, Any]) -> dict[str, Any]:
+        return {name: x[:, :count] for name, x in plan._one.by_site(parts).items()}
+
+    states = StatesInFrames(Frames(sites.site, first), by_site(run.states))
     several = asked.every is not None and (asked.along is not None or asked.cotangent is not None)
-    objective = Objective(run, states, first, np.ones(len(numbers), dtype=bool) if several else None, plan._one.by_site)
+    samples = np.ones(len(numbers), dtype=bool) if several else None
+    objective = Objective(run, states, first, samples, by_site, as_one)
     objective.find(asked, plan.options.compiled)
     rows = states.frames.in_a_row(objective.by_states[objective.samples])
     cotangents = {numbers[k]: row for k, row in zip(objective.samples.tolist(), rows)}
@@ -99,8 +106,10 @@ def _by_directions(
 def goes_by_sites(plan: Any, start: Any, names: tuple[str, ...], *functions: Any) -> bool:
     """Is a gradient found site by site: of many sites, of functions of one, by a parameter of edges?"""
     sites = plan._sites
-    if sites is None or not sites.knows(start) or sites.site.jointed or plan.fictive:
+    if sites is None or not sites.knows(start) or plan.fictive:
         return False
+    if sites.site.jointed:
+        return sites.has_way_back(start, names != ("start",)) and differentiable(plan, names)
     if sites.takes(start) or any(map(of_site, functions)):
         return True
     of_system = [name for name in names if name not in ("start", "h") and "method." not in name]
@@ -108,6 +117,12 @@ def goes_by_sites(plan: Any, start: Any, names: tuple[str, ...], *functions: Any
         return True
     full = [full_name(plan._one, name, "Plan.gradient") for name in of_system]
     return any(isinstance(parameter(plan._one, name), Each) for name in full)
+
+
+def differentiable(plan: Any, names: tuple[str, ...]) -> bool:
+    """Are names those of the start and of numbers of a linkage, and not of its tables, its method, its step?"""
+    of_system = all(name != "h" and not name.startswith("method.") for name in names)
+    return of_system and not (plan.events or Tables(plan._one, names, "Plan.gradient").by_name)
 
 
 def of_site(function: Any) -> bool:

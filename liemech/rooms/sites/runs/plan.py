@@ -203,6 +203,28 @@ class SitesOfPlan:
             return f"{method!r} for sites one by one"
         return None
 
+    def count_of(self, start: Any) -> int:
+        """The number of sites of a start that move; of a linkage that of bodies, behind which there may be places."""
+        return int(start.sites)
+
+    def room_beside(self, count: int) -> Planes:
+        """Memory for what steps of so many sites work with beside their states, of linkages the numbers that do not
+        change among it.
+        """
+        return Planes.of_rows(1, count)
+
+    def parts_together(self) -> Any:
+        """Of steps of all bodies together what `parts_of` gives of those of one site; None of others."""
+        return None
+
+    def has_way_back(self, start: Any, varied: bool) -> bool:
+        """Is there a way back through its steps?  varied : by numbers of the system too?"""
+        return True
+
+    def on_the_way_back(self, varied: bool) -> SitesOfPlan:
+        """The runs with room for what is felt on the way back.  varied : by numbers that do not change too?"""
+        return self
+
     def knows(self, start: Any) -> bool:
         """Is it a state of many sites, or one that has them in a row?"""
         if isinstance(start, StateOfSites) or not isinstance(start, State):
