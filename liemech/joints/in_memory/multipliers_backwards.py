@@ -48,6 +48,7 @@ def with_way_back(system: LinkedBodies, varied: bool) -> LinkedBodies:
     )
     if varied:
         columns |= dict(
+            by_inertia=columns["inertia"],
             by_inverse=columns["inverse"],
             by_weight=NUMBER,
             by_joints=Layout("tuple", tuple([vector(kind.kinds.count("number")) for kind in system.kinds])),
@@ -59,7 +60,8 @@ def with_way_back(system: LinkedBodies, varied: bool) -> LinkedBodies:
 def felt_by_numbers(system: LinkedBodies, planes: Any, fixed: np.ndarray) -> np.ndarray:
     """The derivatives by the numbers of a linkage that do not change, (rows, places), which the way back has left."""
     of, felt = columns(planes, work=system.work).work.fields, np.zeros(fixed.shape)
-    pairs = [(of.inverse, of.by_inverse, system.bodies), (of.weight, of.by_weight, system.bodies)]
+    by_bodies = (of.inertia, of.by_inertia), (of.inverse, of.by_inverse), (of.weight, of.by_weight)
+    pairs = [(*pair, system.bodies) for pair in by_bodies]
     pairs += [(of.joint_parameters.nth(k), of.by_joints.nth(k), system.joints) for k in range(len(system.kinds))]
     pairs += [(of.force_parameters.nth(k), of.by_forces.nth(k), system.bodies) for k in range(len(system.fields))]
     for column, by_column, count in pairs:

@@ -9,7 +9,7 @@ import numpy as np
 from ...compiler.sites.planes import Planes
 from ...errors import InvalidInput
 from ...formulas import mat, vec
-from ...formulas.classes.layouts import Layout, carried_layout, layout_of
+from ...formulas.classes.layouts import carried_layout
 from ...formulas.classes.records import with_fields
 from ...formulas.tables import Table
 from ...rooms.sites.runs.plan import SitesOfPlan
@@ -61,7 +61,7 @@ class LinksOfPlan(SitesOfPlan):
 
     def room_beside(self, count: int) -> Planes:
         form = self.plan._one.linked
-        before = 2 * self.memory_of(self.parts_together()[0][0].method if self.method.together else self.method).width
+        before = self.rows_of_copies
         rows = before + len(form.fixed) + form.working_rows + self.site.work.width - form.links.work.width
         planes = Planes.of_rows(rows, count)
         planes.array[before : before + len(form.fixed), :count] = form.fixed
@@ -77,8 +77,8 @@ class LinksOfPlan(SitesOfPlan):
         method = self.method
         return not method.together or (isinstance(method, RattleOfLinks) and method.ending is None and not site.loaded)
 
-    def has_way_back(self, start: Any, varied: bool) -> bool:
-        return self.has_tangents(start) and not (varied and self.method.together)
+    def has_way_back(self, start: Any) -> bool:
+        return self.has_tangents(start)
 
     def parts_together(self) -> Any:
         method = self.method
@@ -86,12 +86,8 @@ class LinksOfPlan(SitesOfPlan):
             return None
         shares = np.reshape(method.shares.array, (-1, 2))
         step = with_fields(method, shares=Table(np.array([1.0, 0.0])), substeps=1.0, stages=1)
-        motion = RattleOnTheWayBack(step, self.memory_of(step))
+        motion = RattleOnTheWayBack(step, carried_layout(step.start(self.site, AT_REST, 1.0)))
         return (motion,), [(0, node, share) for share, node in shares.tolist()]
-
-    def memory_of(self, method: Any) -> Layout:
-        """The layout of what a method carries along for a body on the way back."""
-        return carried_layout(method.start(self.site, AT_REST, 1.0)) if method.together else layout_of(())
 
     def on_the_way_back(self, varied: bool) -> LinksOfPlan:
         plan = like(self.plan)
@@ -103,7 +99,14 @@ class LinksOfPlan(SitesOfPlan):
         return numbers
 
     def felt_by_numbers(self, planes: Planes) -> np.ndarray:
-        return felt_by_numbers(self.site, planes, self.plan._one.linked.fixed)
+        work = Planes(planes.array[self.rows_of_copies :], planes.count)
+        return felt_by_numbers(self.site, work, self.plan._one.linked.fixed)
+
+    @property
+    def rows_of_copies(self) -> int:
+        """The rows of two copies of what a method carries along, on the way back."""
+        parts = self.parts_together()
+        return 2 * parts[0][0].memory.width if parts else 0
 
     def count_of(self, start: Any) -> int:
         return int(self.site.bodies)

@@ -27,7 +27,16 @@ from ...systems.kinetic_energy import times
 from ...systems.lie_poisson import BodyState
 from .elimination import assembled, factored, pulled_by_solution, save_answers, scattered, solved
 from .links import both, poses_of, pull_on, speeds, wrenches
-from .multipliers_backwards import led_back, of_kind, power_on_body, rates_of_cotangent, records_of
+from .multipliers_backwards import (
+    by_entries,
+    led_back,
+    numbers_of,
+    of_kind,
+    power_on_body,
+    rates_of_cotangent,
+    records_of,
+    varied,
+)
 from .rattle_of_links import (
     RattleOfLinks,
     correction_of_body,
@@ -76,6 +85,8 @@ class RattleOnTheWayBack(Record):
         each(states, felt_at_end, felt, of_felt, work, equations)
         each(beside, rates_of_cotangent, work, equations)
         pulled_by_solution(system, beside, work, equations)
+        if system.varied:
+            each(beside, felt_by_inverse, work)
         each(beside, led_back, work)
         each(beside, felt_by_end, system, 0.5 * h, new, work, equations)
         scattered(system, work)
@@ -92,8 +103,8 @@ class RattleOnTheWayBack(Record):
         solved(system, equations)
         each(beside, wrench_at_end, work, equations)
         scattered(system, work)
-        each(beside, held_back, system, self.method.retraction, work)
-        each(beside, felt_by_start, system, 0.5 * h, old, work)
+        each(beside, held_back, system, self.method.retraction, h, work)
+        each(beside, felt_by_start, system, 0.5 * h, old, work, equations)
         scattered(system, work)
         each(beside, felt_by_body, system, 0.5 * h, old, work)
         each(states, felt_at_start, felt, of_felt, work)
@@ -135,14 +146,19 @@ def felt_by_end(system: Any, h: float, new: Any, work: Any, equations: Any) -> N
     save_felt(system, h, new, [work.multipliers.load(), equations.solution.load()], held, work)
 
 
-def felt_by_start(system: Any, h: float, old: Any, work: Any) -> None:
+def felt_by_start(system: Any, h: float, old: Any, work: Any, equations: Any) -> None:
     """The derivatives by both poses of what a joint adds at the start of a step, with z and l held."""
-    save_felt(system, h, old, [work.unknown.nth(1).load()], [both(work.covelocity, work)], work)
+    impulses, held = [work.unknown.nth(1).load()], [both(work.covelocity, work)]
+    save_felt(system, h, old, impulses, held, work, equations.solution.load())
 
 
-def save_felt(system: Any, h: float, state: Any, impulses: list[Vec], velocities: list[Any], work: Any) -> None:
-    """The derivatives of h <V, F> - <l, G V> - ... by both poses.  h : half the step.  velocities : V of both bodies first."""
-    (g, k), has_second, joints = (
+def save_felt(
+    system: Any, h: float, state: Any, impulses: list[Vec], velocities: list[Any], work: Any, kappa: Any = None
+) -> None:  # fmt: skip
+    """The derivatives of h <V, F> - <l, G V> - ... - <kappa, c> by both poses, the condition c at the end of the step.
+    h : half the step.  velocities : V of both bodies first.
+    """
+    (g, k), has_second, now = (
         poses_of(state, work),
         work.ends.load()[2],
         records_of(work.joint_parameters, system.kinds),
@@ -150,10 +166,20 @@ def save_felt(system: Any, h: float, state: Any, impulses: list[Vec], velocities
     held, kind = [(a, has_second * b) for a, b in velocities], work.ends.load()[3]
 
     def added(x: Any) -> float:
-        return of_kind(joints, kind, lambda joint: of_joint(joint, system, h, impulses, held, x[0].g, x[1].g))
+        joints = varied(now, system.kinds, x[2:])
+        value = of_kind(joints, kind, lambda joint: of_joint(joint, system, h, impulses, held, x[0].g, x[1].g))
+        if system.varied and kappa is not None:
+            ends = poses_of(work.end_pose, work)
+            c = of_kind(joints, kind, lambda joint: joint.value(*ends, system.most))
+            value = value - dot(kappa, vec(*c))
+        return value
 
-    (on_g, on_k), _ = pulled_back(added, system.group, (), (AtElement(g), AtElement(k)), 1.0)
-    work.wrench.save((on_g.g, has_second * on_k.g))
+    numbers = numbers_of(now, system.kinds) if system.varied else []
+    felt, _ = pulled_back(added, system.group, (), (AtElement(g), AtElement(k), *numbers), 1.0)
+    work.wrench.save((felt[0].g, has_second * felt[1].g))
+    if system.varied:
+        for k, by in enumerate(felt[2:]):
+            work.by_joints.nth(k).save(work.by_joints.nth(k).load() + by)
 
 
 def of_joint(joint: Any, system: Any, h: float, impulses: list[Vec], velocities: list[Any], g: Any, k: Any) -> float:
@@ -196,14 +222,26 @@ def led(columns_of_matrix: Any, covector: Vec) -> Vec:
 def felt_by_body(system: Any, h: float, state: Any, work: Any) -> None:
     """The derivative by the pose of a body, with what its joints and the forces on it add."""
     g, V, weight = plain(state.load().g), work.covelocity.load(), work.weight.load()
-    acting = records_of(work.force_parameters, system.fields)
-    kind = work.acting.load() if len(acting) > 0 else 0
+    now = records_of(work.force_parameters, system.fields)
+    kind = work.acting.load() if len(now) > 0 else 0
 
-    def added(place: Any) -> float:
-        return h * power_on_body(system, 0.0, acting, kind, weight, V, place.g, V)
+    def added(x: Any) -> float:
+        acting = varied(now, system.fields, x[2:])
+        return h * power_on_body(system, 0.0, acting, kind, x[1], V, x[0].g, V)
 
-    felt, _ = pulled_back(added, system.group, (), AtElement(g), 1.0)
-    work.felt_by_velocity.save(work.felt_by_velocity.load() + (felt.g + pull_on(work)))
+    numbers = numbers_of(now, system.fields) if system.varied else []
+    felt, _ = pulled_back(added, system.group, (), (AtElement(g), weight, *numbers), 1.0)
+    work.felt_by_velocity.save(work.felt_by_velocity.load() + (felt[0].g + pull_on(work)))
+    if system.varied:
+        work.by_weight.save(work.by_weight.load() + felt[1])
+        for k, by in enumerate(felt[2:]):
+            work.by_forces.nth(k).save(work.by_forces.nth(k).load() + by)
+
+
+def felt_by_inverse(work: Any) -> None:
+    """The derivative by the inverse inertia of a body, -<G'* nu, J^-1 mu>."""
+    mu = times(work.inertia.load(), work.acceleration.load())
+    work.by_inverse.save(work.by_inverse.load() + by_entries(work.inverse.load(), (-pull_on(work), mu)))
 
 
 def freely_back(system: Any, retraction: Any, h: float, old: Any, work: Any) -> None:
@@ -215,11 +253,16 @@ def freely_back(system: Any, retraction: Any, h: float, old: Any, work: Any) -> 
         return dot(V, retraction.tau_Ad_star(system.group, y[0], y[1]))
 
     (by_x, by_m), _ = pulled_back(paired, system.group, (), (x, m), 1.0)
+    work.acceleration.save(by_m)
     work.velocity.save(by_m + (led(work.answer_at_end.load(), eta) + led(work.answer.load(), by_x)))
 
 
-def held_back(system: Any, retraction: Any, work: Any) -> None:
+def held_back(system: Any, retraction: Any, h: float, work: Any) -> None:
     """z in the place of V, and the derivative by the pose of how far the body comes."""
-    pull, x = pull_on(work), work.unknown.nth(0).load()
-    work.covelocity.save(work.velocity.load() - led(work.answer_at_end.load(), pull))
-    work.felt_by_velocity.save(retraction.tau_Ad_star(system.group, -x, work.felt_by_velocity.load() - pull))
+    pull, x, group = pull_on(work), work.unknown.nth(0).load(), system.group
+    z = work.velocity.load() - led(work.answer_at_end.load(), pull)
+    work.covelocity.save(z)
+    if system.varied:
+        q = retraction.dtau_inv(group, -x, work.acceleration.load() - z)
+        work.by_inertia.save(work.by_inertia.load() + by_entries(work.inertia.load(), (q, (1.0 / h) * x)))
+    work.felt_by_velocity.save(retraction.tau_Ad_star(group, -x, work.felt_by_velocity.load() - pull))

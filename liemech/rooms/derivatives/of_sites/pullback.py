@@ -109,7 +109,7 @@ def goes_by_sites(plan: Any, start: Any, names: tuple[str, ...], *functions: Any
     if sites is None or not sites.knows(start) or plan.fictive:
         return False
     if sites.site.jointed:
-        return sites.has_way_back(start, names != ("start",)) and differentiable(plan, names)
+        return sites.has_way_back(start) and differentiable(plan, names)
     if sites.takes(start) or any(map(of_site, functions)):
         return True
     of_system = [name for name in names if name not in ("start", "h") and "method." not in name]

@@ -217,8 +217,8 @@ class SitesOfPlan:
         """Of steps of all bodies together what `parts_of` gives of those of one site; None of others."""
         return None
 
-    def has_way_back(self, start: Any, varied: bool) -> bool:
-        """Is there a way back through its steps?  varied : by numbers of the system too?"""
+    def has_way_back(self, start: Any) -> bool:
+        """Is there a way back through its steps?"""
         return True
 
     def on_the_way_back(self, varied: bool) -> SitesOfPlan:
