@@ -24,7 +24,6 @@ from .diagonally_implicit import IMPLICIT_EULER as IMPLICIT_EULER
 from .diagonally_implicit import IMPLICIT_MIDPOINT as IMPLICIT_MIDPOINT
 from .diagonally_implicit import SDIRK4 as SDIRK4
 from .diagonally_implicit import TRAPEZOIDAL as TRAPEZOIDAL
-from .dop853 import DOP853 as DOP853
 from .explicit import BUTCHER6 as BUTCHER6
 from .explicit import EULER as EULER
 from .explicit import HEUN2 as HEUN2
@@ -48,10 +47,14 @@ from .flows import FlowTableau as FlowTableau
 from .pairs import BOGACKI_SHAMPINE3 as BOGACKI_SHAMPINE3
 from .pairs import BOGACKI_SHAMPINE5 as BOGACKI_SHAMPINE5
 from .pairs import CASH_KARP5 as CASH_KARP5
+from .pairs import DOP853 as DOP853
 from .pairs import DORMAND_PRINCE5 as DORMAND_PRINCE5
 from .pairs import DVERK6 as DVERK6
 from .pairs import FEHLBERG5 as FEHLBERG5
 from .pairs import HEUN_EULER2 as HEUN_EULER2
+from .pairs import TSITOURAS5 as TSITOURAS5
+from .pairs import VERNER6 as VERNER6
+from .pairs import VERNER7 as VERNER7
 from .pairs import ZONNEVELD4 as ZONNEVELD4
 from .splittings import BLANES_CASAS_ESCORIHUELA8 as BLANES_CASAS_ESCORIHUELA8
 from .splittings import BLANES_MOAN4 as BLANES_MOAN4
@@ -66,6 +69,3 @@ from .splittings import SYMPLECTIC_EULER as SYMPLECTIC_EULER
 from .splittings import SplittingTableau as SplittingTableau
 from .tableau import ButcherTableau as ButcherTableau
 from .trees import order_of as order_of
-from .tsitouras import TSITOURAS5 as TSITOURAS5
-from .verner import VERNER6 as VERNER6
-from .verner import VERNER7 as VERNER7

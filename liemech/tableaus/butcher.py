@@ -6,10 +6,7 @@ from ..errors import InvalidInput, InvalidType
 from ..formulas.calls.arguments import ordinary
 from . import diagonally_implicit, explicit, pairs
 from .collocation import gauss, lobatto_iiia, lobatto_iiib, lobatto_iiic, radau_iia
-from .dop853 import DOP853
 from .tableau import ButcherTableau
-from .tsitouras import TSITOURAS5
-from .verner import VERNER6, VERNER7
 
 BY_ORDER = {
     1: explicit.EULER,
@@ -17,9 +14,9 @@ BY_ORDER = {
     3: explicit.KUTTA3,
     4: explicit.RK4,
     5: pairs.DORMAND_PRINCE5,
-    6: VERNER6,
-    7: VERNER7,
-    8: DOP853,
+    6: pairs.VERNER6,
+    7: pairs.VERNER7,
+    8: pairs.DOP853,
 }
 """The explicit method that `RKMK(order=...)` stands for; fixed steps are made with `.bare`."""
 
@@ -28,22 +25,17 @@ PAIRS = {
     3: pairs.BOGACKI_SHAMPINE3,
     4: pairs.ZONNEVELD4,
     5: pairs.DORMAND_PRINCE5,
-    6: VERNER6,
-    7: VERNER7,
-    8: DOP853,
+    6: pairs.VERNER6,
+    7: pairs.VERNER7,
+    8: pairs.DOP853,
 }
 """The explicit method of each order that estimates its error."""
 
 TABLEAUS = {
     t.name: t
-    for t in (
-        *(x for module in (explicit, pairs) for x in vars(module).values() if isinstance(x, ButcherTableau)),
-        TSITOURAS5,
-        VERNER6,
-        VERNER7,
-        DOP853,
-        *(x for x in vars(diagonally_implicit).values() if isinstance(x, ButcherTableau)),
-    )
+    for module in (explicit, pairs, diagonally_implicit)
+    for t in vars(module).values()
+    if isinstance(t, ButcherTableau)
 }
 """The explicit and the diagonally implicit methods by name; Gauss, Radau and Lobatto methods are made by functions."""
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+import re
 from typing import TYPE_CHECKING, Any, Self
 
 from ..errors import InvalidInput, InvalidType, LawViolation, NotDefined
@@ -72,6 +74,32 @@ class Coefficients(Record):
             object.__setattr__(tableau, field.name, by_name.get(field.name, field.default))
         tableau._tidy()
         return tableau
+
+
+def head_and_rows(text: str) -> tuple[str, list[int], str, list[tuple[str, Row]]]:
+    """The name, the orders and the source in the head of a table, "classical, order 4: Kutta 1901", and its rows, each
+    with its label, `b | 1/2 1/2`.  Head and rows go on in lines without a bar; `*` in the middle of a row, or `* *`, stands
+    for what makes its sum one, and the rest is the beginning backwards.
+    """
+    head, _, _ = text.partition("|")
+    head = head.rpartition("\n")[0]
+    match = re.fullmatch(r"(.*), order (\d+)(?:\((\d+)\))?(?:\((\d+)\))?: (.*)", " ".join(head.split()))
+    assert match is not None
+    name, *orders, source = match.groups()
+    lines = re.findall(r"^ *(\S+) \|([^|]*)(?=\n|$)", text[len(head) :], re.MULTILINE)
+    return name, [int(order) for order in orders if order], source, [(label, _whole(row)) for label, row in lines]
+
+
+def _whole(text: str) -> Row:
+    """The numbers of a row, with those that its stars stand for."""
+    half, stars, _ = text.partition("*")
+    begin = numbers(half)
+    if not stars:
+        return begin
+    if "* *" in text:
+        begin = (*begin, 0.5 - math.fsum(begin))
+        return (*begin, *begin[::-1])
+    return (*begin, 1.0 - 2.0 * math.fsum(begin), *begin[::-1])
 
 
 def numbers(text: str) -> Row:

@@ -20,7 +20,7 @@ from typing import Any
 
 from ..errors import InvalidInput, InvalidType, LawViolation
 from ..formulas import record
-from .coefficients import CLOSE, Coefficients, numbers
+from .coefficients import CLOSE, Coefficients, head_and_rows
 from .trees import Row
 
 Word = tuple[int, ...]  # the degrees of its letters
@@ -190,55 +190,39 @@ def suzuki(base_order: int = 2) -> CompositionTableau:
 # ---------------------------------------------------------------- from order 2 at once
 
 
-def _mirrored(text: str) -> Row:
-    """The coefficients up to the middle one, and back."""
-    half = numbers(text)
-    return (*half, *half[-2::-1])
+def _printed(text: str) -> CompositionTableau:
+    """A composition of this library: its head, and its substeps up to the middle one."""
+    name, (order,), source, [(_, half)] = head_and_rows(text)
+    return CompositionTableau.shipped(name, order, (*half, *half[-2::-1]), source=source)
 
 
 TRIPLE_JUMP4, SUZUKI4 = triple_jump(), suzuki()
 
-YOSHIDA6 = CompositionTableau.shipped(
-    "Yoshida 6",
-    6,
-    _mirrored("""
-        0.78451361047755726381949763 0.23557321335935813368479318 -1.17767998417887100694641568
-        1.31518632068391121888424973
-    """),
-    source="Yoshida 1990, solution A; HLW V.3.2, (3.9)",
-)
+YOSHIDA6 = _printed("""
+    Yoshida 6, order 6: Yoshida 1990, solution A; HLW V.3.2, (3.9)
+    gamma | 0.78451361047755726381949763 0.23557321335935813368479318 -1.17767998417887100694641568
+            1.31518632068391121888424973
+""")
 
-KAHAN_LI6 = CompositionTableau.shipped(
-    "Kahan-Li 6",
-    6,
-    _mirrored("""
-        0.39216144400731413927925056 0.33259913678935943859974864 -0.70624617255763935980996482
-        0.08221359629355080023149045 0.79854399093482996339895035
-    """),
-    source="Kahan and Li, Math. Comp. 66 (1997); HLW V.3.2, (3.11)",
-)
+KAHAN_LI6 = _printed("""
+    Kahan-Li 6, order 6: Kahan and Li, Math. Comp. 66 (1997); HLW V.3.2, (3.11)
+    gamma | 0.39216144400731413927925056 0.33259913678935943859974864 -0.70624617255763935980996482
+            0.08221359629355080023149045 0.79854399093482996339895035
+""")
 
-SUZUKI_UMENO8 = CompositionTableau.shipped(
-    "Suzuki-Umeno 8",
-    8,
-    _mirrored("""
-        0.74167036435061295344822780 -0.40910082580003159399730010 0.19075471029623837995387626
-        -0.57386247111608226665638773 0.29906418130365592384446354 0.33462491824529818378495798
-        0.31529309239676659663205666 -0.79688793935291635401978884
-    """),
-    source="Suzuki and Umeno 1993; McLachlan 1995; HLW V.3.2, (3.12)",
-)
+SUZUKI_UMENO8 = _printed("""
+    Suzuki-Umeno 8, order 8: Suzuki and Umeno 1993; McLachlan 1995; HLW V.3.2, (3.12)
+    gamma | 0.74167036435061295344822780 -0.40910082580003159399730010 0.19075471029623837995387626
+            -0.57386247111608226665638773 0.29906418130365592384446354 0.33462491824529818378495798
+            0.31529309239676659663205666 -0.79688793935291635401978884
+""")
 
-KAHAN_LI8 = CompositionTableau.shipped(
-    "Kahan-Li 8",
-    8,
-    _mirrored("""
-        0.13020248308889008087881763 0.56116298177510838456196441 -0.38947496264484728640807860
-        0.15884190655515560089621075 -0.39590389413323757733623154 0.18453964097831570709183254
-        0.25837438768632204729397911 0.29501172360931029887096624 -0.60550853383003451169892108
-    """),
-    source="Kahan and Li, Math. Comp. 66 (1997); HLW V.3.2, (3.13)",
-)
+KAHAN_LI8 = _printed("""
+    Kahan-Li 8, order 8: Kahan and Li, Math. Comp. 66 (1997); HLW V.3.2, (3.13)
+    gamma | 0.13020248308889008087881763 0.56116298177510838456196441 -0.38947496264484728640807860
+            0.15884190655515560089621075 -0.39590389413323757733623154 0.18453964097831570709183254
+            0.25837438768632204729397911 0.29501172360931029887096624 -0.60550853383003451169892108
+""")
 
 COMPOSITIONS = {t.name: t for t in (TRIPLE_JUMP4, SUZUKI4, YOSHIDA6, KAHAN_LI6, SUZUKI_UMENO8, KAHAN_LI8)}
 """All compositions of a symmetric method of order 2, by name."""

@@ -10,34 +10,22 @@ from math import sqrt
 
 from .tableau import ButcherTableau, printed
 
-IMPLICIT_EULER = printed(
-    "implicit Euler",
-    1,
-    """
+IMPLICIT_EULER = printed("""
+    implicit Euler, order 1: Euler 1768; HW IV.3
     1 | 1
     b | 1
-    """,
-    "Euler 1768; HW IV.3",
-)
-IMPLICIT_MIDPOINT = printed(
-    "implicit midpoint",
-    2,
-    """
+""")
+IMPLICIT_MIDPOINT = printed("""
+    implicit midpoint, order 2: HLW I.1.2
     1/2 | 1/2
       b | 1
-    """,
-    "HLW I.1.2",
-)
-TRAPEZOIDAL = printed(
-    "trapezoidal",
-    2,
-    """
+""")
+TRAPEZOIDAL = printed("""
+    trapezoidal, order 2: HLW II.1.1
     0 | 0 0
     1 | 1/2 1/2
     b | 1/2 1/2
-    """,
-    "HLW II.1.1",
-)
+""")
 
 _g = (3 + sqrt(3)) / 6
 CROUZEIX3 = ButcherTableau.shipped(
@@ -45,10 +33,8 @@ CROUZEIX3 = ButcherTableau.shipped(
     "Crouzeix 1975, Norsett 1974; HNW II.7, table 7.2 with gamma = (3 + sqrt 3)/6: A-stable",
 )  # fmt: skip
 
-SDIRK4 = printed(
-    "SDIRK 4(3)",
-    4,
-    """
+SDIRK4 = printed("""
+    SDIRK 4(3), order 4(3): Hairer and Wanner; HW IV.6, table 6.5: L-stable
       1/4 | 1/4 0 0 0 0
       3/4 | 1/2 1/4 0 0 0
     11/20 | 17/50 -1/25 1/4 0 0
@@ -56,7 +42,4 @@ SDIRK4 = printed(
         1 | 25/24 -49/48 125/16 -85/12 1/4
         b | 25/24 -49/48 125/16 -85/12 1/4
     b_hat | 59/48 -17/96 225/32 -85/12 0
-    """,
-    "Hairer and Wanner; HW IV.6, table 6.5: L-stable",
-    embedded_order=3,
-)
+""")

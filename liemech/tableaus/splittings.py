@@ -16,6 +16,7 @@ Sources: McLachlan, SIAM J. Sci. Comput. 16 (1995); Blanes and Moan, J. Comput. 
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from functools import cached_property
@@ -24,7 +25,7 @@ import numpy as np
 
 from ..errors import InvalidInput, LawViolation
 from ..formulas import record
-from .coefficients import CLOSE, Coefficients, numbers
+from .coefficients import CLOSE, Coefficients, head_and_rows
 from .compositions import CompositionTableau
 from .trees import Row
 
@@ -223,193 +224,112 @@ def _indifferent(length: int) -> np.ndarray:
     return directions[sizes > 1e-10 * sizes[0]]
 
 
-def _around_drift(text: str) -> Row:
-    """An odd number of coefficients: those up to the middle one, which makes the sum one, and back."""
-    half = numbers(text)
-    return (*half, 1.0 - 2.0 * math.fsum(half), *half[::-1])
+def _printed(text: str, quadratic: bool = False) -> SplittingTableau:
+    """A splitting of this library: its head, its kicks and its drifts."""
+    name, (order,), source, rows = head_and_rows(text)
+    symmetric = all(row == row[::-1] for _, row in rows)
+    return SplittingTableau.shipped(name, order, **dict(rows), quadratic=quadratic, source=source, symmetric=symmetric)
 
 
-def _around_pair(text: str) -> Row:
-    """An even number of coefficients: those up to the two in the middle, which make the sum one, and back."""
-    half = numbers(text)
-    whole = (*half, 0.5 - math.fsum(half))
-    return (*whole, *whole[::-1])
+_of_quadratic = functools.partial(_printed, quadratic=True)
 
 
-SYMPLECTIC_EULER = SplittingTableau.shipped(
-    "symplectic Euler", 1, numbers("1.0 0.0"), numbers("1.0"), False, "HLW I.1.2", symmetric=False
-)
-STRANG = SplittingTableau.shipped(
-    "Strang", 2, numbers("0.5 0.5"), numbers("1.0"), False, "Strang, SIAM J. Numer. Anal. 5 (1968); HLW II.5"
-)
+SYMPLECTIC_EULER = _printed("""
+    symplectic Euler, order 1: HLW I.1.2
+     kicks | 1.0 0.0
+    drifts | 1.0
+""")
+STRANG = _printed("""
+    Strang, order 2: Strang, SIAM J. Numer. Anal. 5 (1968); HLW II.5
+     kicks | 0.5 0.5
+    drifts | 1.0
+""")
 
 # ---------------------------------------------------------------- for every T + V
 
-RUTH3 = SplittingTableau.shipped(
-    "Ruth 3",
-    3,
-    numbers("7/24 3/4 -1/24 0.0"),
-    numbers("2/3 -2/3 1.0"),
-    False,
-    "Ruth, IEEE Trans. Nucl. Sci. 30 (1983); HLW II.5",
-    symmetric=False,
-)
+RUTH3 = _printed("""
+    Ruth 3, order 3: Ruth, IEEE Trans. Nucl. Sci. 30 (1983); HLW II.5
+     kicks | 7/24 3/4 -1/24 0.0
+    drifts | 2/3 -2/3 1.0
+""")
 
-BLANES_MOAN4_GENERAL = SplittingTableau.shipped(
-    "Blanes-Moan 4, general",
-    4,
-    _around_drift("0.0792036964311957 0.353172906049774 -0.0420650803577195"),
-    _around_pair("0.209515106613362 -0.143851773179818"),
-    False,
-    "Blanes and Moan 2002, table 2, S 6",
-)
+BLANES_MOAN4_GENERAL = _printed("""
+    Blanes-Moan 4, general, order 4: Blanes and Moan 2002, table 2, S 6
+     kicks | 0.0792036964311957 0.353172906049774 -0.0420650803577195 *
+    drifts | 0.209515106613362 -0.143851773179818 * *
+""")
 
-BLANES_MOAN6_GENERAL = SplittingTableau.shipped(
-    "Blanes-Moan 6, general",
-    6,
-    _around_drift("""
-        0.0502627644003922 0.413514300428344 0.0450798897943977 -0.188054853819569 0.54196067845078
-    """),
-    _around_pair("0.148816447901042 -0.132385865767784 0.067307604692185 0.432666402578175"),
-    False,
-    "Blanes and Moan 2002, table 2, S 10",
-)
+BLANES_MOAN6_GENERAL = _printed("""
+    Blanes-Moan 6, general, order 6: Blanes and Moan 2002, table 2, S 10
+     kicks | 0.0502627644003922 0.413514300428344 0.0450798897943977 -0.188054853819569 0.54196067845078 *
+    drifts | 0.148816447901042 -0.132385865767784 0.067307604692185 0.432666402578175 * *
+""")
 
 # ---------------------------------------------------------------- for T quadratic in the momentum
 
-BLANES_MOAN4 = SplittingTableau.shipped(
-    "Blanes-Moan 4",
-    4,
-    _around_drift("0.0829844064174052 0.396309801498368 -0.0390563049223486"),
-    _around_pair("0.245298957184271 0.604872665711080"),
-    True,
-    "Blanes and Moan 2002, table 3, SRKN b 6",
-)
+BLANES_MOAN4 = _of_quadratic("""
+    Blanes-Moan 4, order 4: Blanes and Moan 2002, table 3, SRKN b 6
+     kicks | 0.0829844064174052 0.396309801498368 -0.0390563049223486 *
+    drifts | 0.245298957184271 0.604872665711080 * *
+""")
 
-BLANES_MOAN6 = SplittingTableau.shipped(
-    "Blanes-Moan 6",
-    6,
-    (
-        0.0,
-        *_around_pair("""
-        0.09171915262446165 0.183983170005006 -0.05653436583288827 0.004914688774712854 0.143761127168358
-        0.328567693746804
-    """),
-        0.0,
-    ),
-    _around_drift("""
-        0.0378593198406116 0.102635633102435 -0.0258678882665587 0.314241403071447 -0.130144459517415
-        0.106417700369543 -0.00879424312851058
-    """),
-    True,
-    "Blanes and Moan 2002, table 3, SRKN a 14",
-)
+BLANES_MOAN6 = _of_quadratic("""
+    Blanes-Moan 6, order 6: Blanes and Moan 2002, table 3, SRKN a 14
+     kicks | 0 0.09171915262446165 0.183983170005006 -0.05653436583288827 0.004914688774712854 0.143761127168358
+             0.328567693746804 * *
+    drifts | 0.0378593198406116 0.102635633102435 -0.0258678882665587 0.314241403071447 -0.130144459517415
+             0.106417700369543 -0.00879424312851058 *
+""")
 
-BLANES_MOAN6_SHORT = SplittingTableau.shipped(
-    "Blanes-Moan 6, short",
-    6,
-    _around_pair("""
-        0.0414649985182624 0.198128671918067 -0.0400061921041533 0.0752539843015807 -0.0115113874206879
-    """),
-    _around_drift("""
-        0.123229775946271 0.290553797799558 -0.127049212625417 -0.246331761062075 0.357208872795928
-    """),
-    True,
-    "Blanes and Moan 2002, table 3, SRKN b 11",
-)
+BLANES_MOAN6_SHORT = _of_quadratic("""
+    Blanes-Moan 6, short, order 6: Blanes and Moan 2002, table 3, SRKN b 11
+     kicks | 0.0414649985182624 0.198128671918067 -0.0400061921041533 0.0752539843015807 -0.0115113874206879 * *
+    drifts | 0.123229775946271 0.290553797799558 -0.127049212625417 -0.246331761062075 0.357208872795928 *
+""")
 
-BLANES_CASAS_ESCORIHUELA8 = SplittingTableau.shipped(
-    "Blanes-Casas-Escorihuela 8",
-    8,
-    (
-        0.0,
-        *_around_drift("""
-        0.129478606560536730662493794395 0.222257260092671143423043559581 -0.0577514893325147204757023246320
-        -0.0578312262103924910221345032763 0.103087297437175356747933252265
-        -0.140819612554090768205554103887 0.0234462603492826276699713718626 0.134854517356684096617882205068
-        0.0287973821073779306345172160211
-    """),
-        0.0,
-    ),
-    _around_pair("""
-        0.0505805 0.149999 -0.0551795510771615573511026950361 0.423755898835337951482264998051
-        -0.213495353584659048059672194633 -0.0680769774574032619111630736274
-        0.227917056974013435948887201671 -0.235373619381058906524740047732 0.387413869179878047816794031058
-    """),
-    True,
-    "Blanes, Casas and Escorihuela-Tomas, Appl. Numer. Math. 182 (2022)",
-)
+BLANES_CASAS_ESCORIHUELA8 = _of_quadratic("""
+    Blanes-Casas-Escorihuela 8, order 8: Blanes, Casas and Escorihuela-Tomas, Appl. Numer. Math. 182 (2022)
+     kicks | 0 0.129478606560536730662493794395 0.222257260092671143423043559581 -0.0577514893325147204757023246320
+             -0.0578312262103924910221345032763 0.103087297437175356747933252265 -0.140819612554090768205554103887
+             0.0234462603492826276699713718626 0.134854517356684096617882205068 0.0287973821073779306345172160211 *
+    drifts | 0.0505805 0.149999 -0.0551795510771615573511026950361 0.423755898835337951482264998051
+             -0.213495353584659048059672194633 -0.0680769774574032619111630736274 0.227917056974013435948887201671
+             -0.235373619381058906524740047732 0.387413869179878047816794031058 * *
+""")
 
 # ---------------------------------------------------------------- for A + e B with a small e,
 # errors e h^n + e^2 h^m + ...
 
-SABA82 = SplittingTableau.shipped(
-    "SABA (8, 2)",
-    2,
-    (0.0, *_around_pair("0.1739274225687269286865319746109997036177"), 0.0),
-    _around_drift("""
-        0.06943184420297371238802675555359524745214 0.2605776340045981552106403648947824089476
-    """),
-    False,
-    "McLachlan, BIT 35 (1995); Laskar and Robutel, Celest. Mech. Dyn. Astron. 80 (2001)",
-)
+SABA82 = _printed("""
+    SABA (8, 2), order 2: McLachlan, BIT 35 (1995); Laskar and Robutel, Celest. Mech. Dyn. Astron. 80 (2001)
+     kicks | 0 0.1739274225687269286865319746109997036177 * *
+    drifts | 0.06943184420297371238802675555359524745214 0.2605776340045981552106403648947824089476 *
+""")
 
-ABA104 = SplittingTableau.shipped(
-    "ABA (10, 4)",
-    4,
-    (
-        0.0,
-        *_around_drift("""
-        0.1188819173681970199453503950853885936957 0.2410504605515015657441667865901651105675
-        -0.2732866667053238060543113981664559460630
-    """),
-        0.0,
-    ),
-    _around_pair("""
-        0.04706710064597250612947887637243678556564 0.1847569354170881069247376193702560968574
-        0.2827060056798362053243616565541452479160
-    """),
-    False,
-    "Blanes et al., Appl. Numer. Math. 68 (2013)",
-)
+ABA104 = _printed("""
+    ABA (10, 4), order 4: Blanes et al., Appl. Numer. Math. 68 (2013)
+     kicks | 0 0.1188819173681970199453503950853885936957 0.2410504605515015657441667865901651105675
+             -0.2732866667053238060543113981664559460630 *
+    drifts | 0.04706710064597250612947887637243678556564 0.1847569354170881069247376193702560968574
+             0.2827060056798362053243616565541452479160 * *
+""")
 
-ABA864 = SplittingTableau.shipped(
-    "ABA (8, 6, 4)",
-    4,
-    (
-        0.0,
-        *_around_drift("""
-        0.183083687472197221961703757166430291072 0.310782859898574869507522291054262796375
-        -0.0265646185119588006972121379164987592663
-    """),
-        0.0,
-    ),
-    _around_pair("""
-        0.0711334264982231177779387300061549964174 0.241153427956640098736487795326289649618
-        0.521411761772814789212136078067994229991
-    """),
-    False,
-    "Blanes et al., Appl. Numer. Math. 68 (2013)",
-)
+ABA864 = _printed("""
+    ABA (8, 6, 4), order 4: Blanes et al., Appl. Numer. Math. 68 (2013)
+     kicks | 0 0.183083687472197221961703757166430291072 0.310782859898574869507522291054262796375
+             -0.0265646185119588006972121379164987592663 *
+    drifts | 0.0711334264982231177779387300061549964174 0.241153427956640098736487795326289649618
+             0.521411761772814789212136078067994229991 * *
+""")
 
-ABA1064 = SplittingTableau.shipped(
-    "ABA (10, 6, 4)",
-    4,
-    (
-        0.0,
-        *_around_pair("""
-        0.09585888083707521061077150377145884776921 0.2044461531429987806805077839164344779763
-        0.2170703479789911017143385924306336714532
-    """),
-        0.0,
-    ),
-    _around_drift("""
-        0.03809449742241219545697532230863756534060 0.1452987161169137492940200726606637497442
-        0.2076276957255412507162056113249882065158 0.4359097036515261592231548624010651844006
-    """),
-    False,
-    "Blanes et al., Appl. Numer. Math. 68 (2013); Farres et al., Celest. Mech. Dyn. Astron. 116 (2013)",
-)
+ABA1064 = _printed("""
+    ABA (10, 6, 4), order 4: Blanes et al., Appl. Numer. Math. 68 (2013); Farres et al., Celest. Mech. Dyn.
+    Astron. 116 (2013)
+     kicks | 0 0.09585888083707521061077150377145884776921 0.2044461531429987806805077839164344779763
+             0.2170703479789911017143385924306336714532 * *
+    drifts | 0.03809449742241219545697532230863756534060 0.1452987161169137492940200726606637497442
+             0.2076276957255412507162056113249882065158 0.4359097036515261592231548624010651844006 *
+""")
 
 SPLITTINGS = {
     t.name: t

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import functools
 import math
-import re
 import sys
 from collections.abc import Iterable, Sequence
 from typing import Any
 
 from ..errors import InvalidInput, InvalidType, LawViolation
 from ..formulas import record
-from .coefficients import Coefficients, numbers
+from .coefficients import Coefficients, head_and_rows, numbers
 from .trees import (
     MOST,
     ElementaryWeights,
@@ -332,39 +331,24 @@ class ButcherTableau(Coefficients):
         return "\n".join([f"{self!r}", *shown[: self.stages], rule, *shown[self.stages :]])
 
 
-def printed(name: str, order: int, table: str, source: str, interpolant: str = "", **more: Any) -> ButcherTableau:
-    """A tableau of this library as books print it: rows `c | a_1 a_2 ...`, then those of b, b_hat and
-    b_low, then those of further slopes.
-
-    A row goes on in the next line if that has no bar; rows of the interpolant go on after a `+`.
+def printed(text: str) -> ButcherTableau:
+    """A tableau of this library as books print it: its head, rows `c | a_1 a_2 ...`, then those of b, b_hat and
+    b_low, then those of further slopes; behind them, after a line that says its order, the rows of the interpolant.
     """
-    rows: list[list[str]] = []
-    for line in table.strip().splitlines():
-        label, bar, entries = line.rpartition("|")
-        if bar:
-            rows.append([label.strip(), entries])
-        else:
-            rows[-1][1] += entries
+    table, _, inner = text.partition("interpolant of order")
+    order, *slopes = inner.strip().splitlines() or ["0"]
+    name, orders, source, rows = head_and_rows(table)
     last = max(i for i, (label, _) in enumerate(rows) if label.startswith("b"))
-    weights = {label: numbers(entries) for label, entries in rows if label.startswith("b")}
+    weights = {label: row for label, row in rows if label.startswith("b")}
     parts = rows[: last + 1 - len(weights)], rows[last + 1 :]
     (A, c), (A_extra, c_extra) = (
-        ([numbers(entries) for _, entries in part], numbers(" ".join(label for label, _ in part))) for part in parts
+        ([row for _, row in part], numbers(" ".join(label for label, _ in part))) for part in parts
     )
-    slopes = re.sub(r"\n *\+", "", interpolant.strip()).splitlines()
     return ButcherTableau.shipped(
-        name,
-        order,
-        A,
-        weights.pop("b"),
-        c,
-        source,
-        **weights,
-        A_extra=A_extra,
-        c_extra=c_extra,
-        interpolant=[numbers(row) for row in slopes],
-        **more,
-    )
+        name, orders[0], A, weights.pop("b"), c, source, **weights,
+        **dict(zip(("embedded_order", "low_order"), orders[1:])), A_extra=A_extra, c_extra=c_extra,
+        interpolant=[numbers(row) for row in slopes], interpolant_order=int(order),
+    )  # fmt: skip
 
 
 def _listed(value: Any, what: str) -> list[Any]:

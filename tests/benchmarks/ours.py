@@ -12,16 +12,16 @@ from peers import TIGHTEST, Contender, Problem, Result, Run, doubled, tolerances
 from problems import REFERENCE, numbers
 
 import liemech as lm
-from liemech.tableaus import dop853, explicit, flows, pairs, tsitouras, verner
+from liemech.tableaus import explicit, flows, pairs
 
 TABLEAUS = {
     "RK4": explicit.RK4,
     "DP5": pairs.DORMAND_PRINCE5,
-    "Tsit5": tsitouras.TSITOURAS5,
+    "Tsit5": pairs.TSITOURAS5,
     "Butcher6": explicit.BUTCHER6,
-    "Verner6": verner.VERNER6,
-    "Verner7": verner.VERNER7,
-    "DOP853": dop853.DOP853,
+    "Verner6": pairs.VERNER6,
+    "Verner7": pairs.VERNER7,
+    "DOP853": pairs.DOP853,
 }
 """Of the Munthe-Kaas methods with fixed steps; those with an embedded method run with adaptive steps too."""
 

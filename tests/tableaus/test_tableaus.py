@@ -19,10 +19,9 @@ import liemech as lm
 from liemech.tableaus import diagonally_implicit, explicit, pairs, trees
 from liemech.tableaus.butcher import BY_ORDER, FAMILIES, PAIRS, TABLEAUS, pair
 from liemech.tableaus.collocation import gauss, lobatto_iiia, lobatto_iiib, lobatto_iiic, radau_iia
-from liemech.tableaus.dop853 import DOP853
+from liemech.tableaus.pairs import DOP853, VERNER6, VERNER7
 from liemech.tableaus.tableau import ButcherTableau
 from liemech.tableaus.trees import order_of
-from liemech.tableaus.verner import VERNER6, VERNER7
 
 value, kind, law = lm.errors.InvalidInput, lm.errors.InvalidType, lm.errors.LawViolation
 
