@@ -35,6 +35,8 @@ class CommutatorFree(Method):
     Syst. 19 (2003).
     """
 
+    title: ClassVar[str] = "{0.tableau.name}"
+
     order: int = 4
     tableau: FlowTableau = None  # type: ignore[assignment]  # None: the one of this order
 
@@ -42,10 +44,6 @@ class CommutatorFree(Method):
 
     def __post_init__(self) -> None:
         set_tableau(self, FlowTableau, self.choices)
-
-    @property
-    def name(self) -> str:
-        return self.tableau.name
 
     def step(self, system: System, t: float, state: Any, h: float) -> Any:
         """One step, from stage to stage.  To stages off its way only what the velocity depends on is moved."""

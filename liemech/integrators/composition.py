@@ -31,6 +31,8 @@ class Composition(Remembering):
     Source: Hairer, Lubich, Wanner, II.4 and V.3; McLachlan, SIAM J. Sci. Comput. 16 (1995).
     """
 
+    title: ClassVar[str] = "{0.tableau.name} of {0.base.name}"
+
     base: Method
     order: int = 4
     tableau: CompositionTableau = None  # type: ignore[assignment]  # None: the one of this order
@@ -60,10 +62,6 @@ class Composition(Remembering):
                 f"Composition: {tableau.name} is for a base of order {tableau.base_order}; {base!r} is of order {p}"
             )
         object.__setattr__(self, "order", max(tableau.order, p))
-
-    @property
-    def name(self) -> str:
-        return f"{self.tableau.name} of {self.base.name}"
 
     @property
     def symplectic(self) -> bool:  # type: ignore[override]

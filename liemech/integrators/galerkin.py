@@ -56,6 +56,7 @@ class GalerkinVariational(Implicit):
     Marthinsen, Found. Comput. Math. 16 (2016); Hall and Leok, Found. Comput. Math. 17 (2017).
     """
 
+    title: ClassVar[str] = "Galerkin {0.order} ({chart})"
     writes_out: ClassVar[bool] = True
     symplectic: ClassVar[bool] = True
 
@@ -67,10 +68,6 @@ class GalerkinVariational(Implicit):
     def symmetric(self) -> bool:  # type: ignore[override]
         """Symmetric with one node, which lies in the middle of the path exp(t x)."""
         return self.order == 2 and isinstance(self.retraction, Exponential)
-
-    @property
-    def name(self) -> str:
-        return f"Galerkin {self.order} ({type(self.retraction).__name__})"
 
     def require(self, system: Any) -> None:
         """A body with a Lagrangian, free or in a field, on a group that has the retraction."""

@@ -45,14 +45,11 @@ class Magnus(Method):
     Rep. 470 (2009), section 5; Hairer, Lubich, Wanner, IV.7.
     """
 
+    title: ClassVar[str] = "Magnus{0.order}"
     orders: ClassVar[tuple[int, ...]] = 2, 4, 6
     order: int = 4
 
     symmetric: ClassVar[bool] = True
-
-    @property
-    def name(self) -> str:
-        return f"Magnus{self.order}"
 
     def require(self, system: Any) -> None:
         """A system whose velocity depends on time alone."""

@@ -73,9 +73,11 @@ class Method(Record):
 
     @property
     def name(self) -> str:
-        """A short name for tables and pictures."""
-        return repr(self)
+        """A short name for tables and pictures, by the `title` of the class."""
+        chart = type(getattr(self, "retraction", None)).__name__
+        return self.title.format(self, chart=chart)
 
+    title: ClassVar[str] = "{0!r}"  # the name, with fields of the method {0}, and the class of its retraction {chart}
     joins: ClassVar[bool] = False  # does its last motion wait for the first one of the next step?
     together: ClassVar[bool] = False  # does it step all sites of a system at once, not one by one?
     settles: ClassVar[bool] = False  # is what is shown of all sites found where it is looked at?
@@ -171,11 +173,9 @@ class Wrapping(Method):
     Its claims and its memory are those of the method inside, until a subclass says something else.
     """
 
-    method: Method
+    title: ClassVar[str] = "{0.method.name}"
 
-    @property
-    def name(self) -> str:
-        return self.method.name
+    method: Method
 
     @property
     def order(self) -> Any:

@@ -57,6 +57,8 @@ class OfTableau(Method):
 class ChosenByOrder(OfTableau):
     """A splitting whose tableau is given, or chosen by its order; abstract."""
 
+    title: ClassVar[str] = "{0.tableau.name} splitting"
+
     order: int = 2
     tableau: SplittingTableau = None  # type: ignore[assignment]  # None: the one of this order
     quadratic: bool = True
@@ -75,10 +77,6 @@ class ChosenByOrder(OfTableau):
             raise InvalidType(f"{type(self).__name__}: quadratic is True or False; got {self.quadratic!r}")
         tableau = set_tableau(self, SplittingTableau, self.choices if self.quadratic else self.general)
         object.__setattr__(self, "quadratic", tableau.quadratic)
-
-    @property
-    def name(self) -> str:
-        return f"{self.tableau.name} splitting"
 
     def __repr__(self) -> str:
         order = self.tableau.order

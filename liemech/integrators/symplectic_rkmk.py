@@ -49,6 +49,7 @@ class SymplecticRKMK(Implicit):
     Marsden and West, Acta Numerica 10 (2001), section 2.6; docs/bodies_in_fields.md (the chart at the middle).
     """
 
+    title: ClassVar[str] = "Symplectic RKMK {0.order}"
     timed: ClassVar[bool] = True
     symmetric: ClassVar[bool] = True
     symplectic: ClassVar[bool] = True
@@ -56,10 +57,6 @@ class SymplecticRKMK(Implicit):
 
     orders: ClassVar[tuple[int, ...]] = 2, 4, 6, 8  # twice the number of stages
     order: int = 4
-
-    @property
-    def name(self) -> str:
-        return f"Symplectic RKMK {self.order}"
 
     def require(self, system: Any) -> None:
         """A motion on T*G."""

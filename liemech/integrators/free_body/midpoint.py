@@ -186,6 +186,7 @@ class Isospectral(Implicit):
     (2020).
     """
 
+    title: ClassVar[str] = "Isospectral Gauss {0.order}"
     symmetric: ClassVar[bool] = True
     symplectic: ClassVar[bool] = True
 
@@ -197,10 +198,6 @@ class Isospectral(Implicit):
         """A and b of Gauss' method."""
         data = gauss(self.order // 2)
         return data.A, data.b
-
-    @property
-    def name(self) -> str:
-        return f"Isospectral Gauss {self.order}"
 
     def require(self, system: Any) -> None:
         """A Lie-Poisson system of rotations or of other matrices: the step adds to them what it turns."""

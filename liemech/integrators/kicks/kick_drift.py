@@ -220,6 +220,8 @@ class KickDrift(FieldSplitting):
     exact free bodies Celledoni, Fasso, Safstrom and Zanna, SIAM J. Sci. Comput. 30 (2008).
     """
 
+    title: ClassVar[str] = "{0.tableau.name} splitting ({0.free.name})"
+
     free: Method = ExactFreeBody()
     order: int = 2
     tableau: SplittingTableau = None  # type: ignore[assignment]  # None: the one of this order
@@ -246,10 +248,6 @@ class KickDrift(FieldSplitting):
                 f"ExactFreeBody(); {free!r} is of order {order}. Composition(KickDrift({free!r}), "
                 f"order={tableau.order}) is of order {tableau.order} with symmetric ones"
             )
-
-    @property
-    def name(self) -> str:
-        return f"{self.tableau.name} splitting ({self.free.name})"
 
     @property
     def symmetric(self) -> bool:  # type: ignore[override]

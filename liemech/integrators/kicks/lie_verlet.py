@@ -34,6 +34,7 @@ class LieVerlet(FieldSplitting):
     for loads Marsden and West, Acta Numerica 10 (2001), section 3.2.
     """
 
+    title: ClassVar[str] = "Lie-Verlet ({chart})"
     order: ClassVar[int] = 2
     symmetric: ClassVar[bool] = True
     symplectic: ClassVar[bool] = True
@@ -45,7 +46,3 @@ class LieVerlet(FieldSplitting):
     def free(self) -> CovariantVariational:
         """The motion between the kicks."""
         return CovariantVariational(self.retraction)
-
-    @property
-    def name(self) -> str:
-        return f"Lie-Verlet ({type(self.retraction).__name__})"

@@ -49,15 +49,12 @@ class LieRATTLE(Remembering):
     (2001), section 3.5 (constraints).
     """
 
+    title: ClassVar[str] = "Lie-RATTLE ({chart})"
     symmetric: ClassVar[bool] = True
     symplectic: ClassVar[bool] = True
     order: ClassVar[int] = 2
 
     retraction: Retraction = Exponential()
-
-    @property
-    def name(self) -> str:
-        return f"Lie-RATTLE ({type(self.retraction).__name__})"
 
     def require(self, system: Any) -> None:
         """A ConstrainedBody, on a group that has the retraction."""

@@ -35,6 +35,7 @@ class LobattoPair(OnConstraints):
     Source: Jay, SIAM J. Numer. Anal. 33 (1996), 368; Hairer, Lubich, Wanner, VII.1.5.
     """
 
+    title: ClassVar[str] = "Lobatto IIIA-IIIB {0.order}"
     symmetric: ClassVar[bool] = True
 
     orders: ClassVar[tuple[int, ...]] = 2, 4, 6, 8
@@ -45,10 +46,6 @@ class LobattoPair(OnConstraints):
         """A of IIIA, A of IIIB, and b of both."""
         a, b = lobatto_iiia(self.order // 2 + 1), lobatto_iiib(self.order // 2 + 1)
         return a.A, b.A, a.b
-
-    @property
-    def name(self) -> str:
-        return f"Lobatto IIIA-IIIB {self.order}"
 
     def step(self, system: Any, t: float, state: CanonicalState, h: float) -> CanonicalState:
         """The stages, from the start as a guess; then into the tangent space by an impulse at the

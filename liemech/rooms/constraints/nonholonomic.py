@@ -30,13 +30,10 @@ class LagrangeDAlembert(LieRATTLE):
     Kobilarov, Marsden and Sukhatme, Discrete Contin. Dyn. Syst. S 3 (2010).
     """
 
+    title: ClassVar[str] = "Lagrange-d'Alembert ({chart})"
     symmetric: ClassVar[bool] = True
     symplectic: ClassVar[bool] = False
     order: ClassVar[int] = 2
-
-    @property
-    def name(self) -> str:
-        return f"Lagrange-d'Alembert ({type(self.retraction).__name__})"
 
     def require(self, system: Any) -> None:
         """A NonholonomicBody, on a group that has the retraction."""

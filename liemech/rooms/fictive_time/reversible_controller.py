@@ -52,6 +52,7 @@ class ReversibleController(Method):
     the slides, (3.7) and (3.8), with G(y_n+1) in the last line.
     """
 
+    title: ClassVar[str] = "{0.method.name}, steps by {0.sigma!r}"
     symmetric: ClassVar[bool] = True
     fictive: ClassVar[bool] = True
 
@@ -75,10 +76,6 @@ class ReversibleController(Method):
     @property
     def order(self) -> int:
         return self.method.order  # type: ignore[attr-defined]
-
-    @property
-    def name(self) -> str:
-        return f"{self.method.name}, steps by {self.sigma!r}"
 
     def require(self, system: Any) -> None:
         """A system that the method accepts, and on which it is symmetric."""

@@ -50,6 +50,7 @@ class LiePoissonHamiltonJacobi(Implicit):
     (2017), 243.
     """
 
+    title: ClassVar[str] = "Hamilton-Jacobi {0.order} ({chart})"
     timed: ClassVar[bool] = True
     symmetric: ClassVar[bool] = True
     analytic: ClassVar[bool] = True
@@ -59,10 +60,6 @@ class LiePoissonHamiltonJacobi(Implicit):
     orders: ClassVar[tuple[int, ...]] = 2, 4, 6, 8  # with one, two, three or four terms of the generating function
     order: int = 4
     retraction: Retraction = Exponential()
-
-    @property
-    def name(self) -> str:
-        return f"Hamilton-Jacobi {self.order} ({type(self.retraction).__name__})"
 
     def require(self, system: Any) -> None:
         """A Lie-Poisson system whose Hamiltonian can be differentiated."""

@@ -26,6 +26,7 @@ class DissipativeSplitting(Remembering):
     Source: Strang, SIAM J. Numer. Anal. 5 (1968) 506; Hairer, Lubich, Wanner, II.5.
     """
 
+    title: ClassVar[str] = "{0.method.name}, damped"
     dissipative: ClassVar[bool] = True
 
     method: Method = Isospectral(2)
@@ -42,10 +43,6 @@ class DissipativeSplitting(Remembering):
     def order(self) -> int:
         """2, whatever the method for the motion."""
         return 2
-
-    @property
-    def name(self) -> str:
-        return f"{self.method.name}, damped"
 
     def require(self, system: Any) -> None:
         """A Dissipative system, whose motion the method accepts."""

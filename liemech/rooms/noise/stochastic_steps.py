@@ -149,11 +149,8 @@ class WongZakai(NoisySteps):
     Tretyakov, Stochastic Numerics for Mathematical Physics, 2nd ed. (2021), chapter 4.
     """
 
+    title: ClassVar[str] = "Wong-Zakai, {0.method.name}"
     weak_order: ClassVar[int] = 1
-
-    @property
-    def name(self) -> str:
-        return f"Wong-Zakai, {self.method.name}"
 
     def moved(self, system: Stochastic, t: float, memory: Any, h: float, z: Vec, coin: float) -> Any:
         """One step of the method, with noise z/sqrt(h) constant along it."""
@@ -175,6 +172,7 @@ class NinomiyaVictoir(NoisySteps):
     derivative pricing, Appl. Math. Finance 15 (2008).
     """
 
+    title: ClassVar[str] = "Ninomiya-Victoir, {0.method.name}"
     weak_order: ClassVar[int] = 2
 
     def __post_init__(self) -> None:
@@ -186,10 +184,6 @@ class NinomiyaVictoir(NoisySteps):
             )
         if self.increments == "two-point":
             raise InvalidInput("NinomiyaVictoir: increments is 'normal' or 'three-point', for order 2; got 'two-point'")
-
-    @property
-    def name(self) -> str:
-        return f"Ninomiya-Victoir, {self.method.name}"
 
     def moved(self, system: Stochastic, t: float, memory: Any, h: float, z: Vec, coin: float) -> Any:
         """Half a drift, the flows of the fields in order or, by the coin, in reverse, half a drift."""

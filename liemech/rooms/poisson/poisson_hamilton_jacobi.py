@@ -68,6 +68,7 @@ class PoissonHamiltonJacobi(Implicit):
     arXiv:2303.15883; Ge and Marsden, Phys. Lett. A 133 (1988), 134; docs/poisson_systems.md (S_3, and the terms beyond).
     """
 
+    title: ClassVar[str] = "Poisson Hamilton-Jacobi {0.order}"
     timed: ClassVar[bool] = True
     symmetric: ClassVar[bool] = True
     symplectic: ClassVar[bool] = True
@@ -75,10 +76,6 @@ class PoissonHamiltonJacobi(Implicit):
 
     orders: ClassVar[tuple[int, ...]] = 2, 4, 6, 8  # with one, two, three or four terms of the generating function
     order: int = 4
-
-    @property
-    def name(self) -> str:
-        return f"Poisson Hamilton-Jacobi {self.order}"
 
     def require(self, system: Any) -> None:
         """A Poisson system whose structure obeys Jacobi's identity, with formulas that can be differentiated."""
