@@ -53,8 +53,8 @@ class Sensor(Record):
 
     @property
     def value_shape(self) -> tuple[int, ...]:
-        """The shape of z: by default that of the residual."""
-        return (len(self.deviation),)
+        """The shape of z: that of an element of the group `elements`, or else that of the residual."""
+        return (len(self.deviation),) if self.elements is None else self.elements.element_shape
 
     @property
     def elements(self) -> LieGroup | None:
@@ -109,10 +109,6 @@ class Place(Sensor):
     def residual(self, g: Element, z: Ambient) -> Vec:
         """log(g^-1 z), or log(z g^-1), (dim,)."""
         return error(self.group, self.side, self.value(g), z)
-
-    @property
-    def value_shape(self) -> tuple[int, ...]:
-        return self.group.element_shape
 
     @property
     def elements(self) -> LieGroup:

@@ -92,10 +92,6 @@ class Prior(Sensor):
         return self.P
 
     @property
-    def value_shape(self) -> tuple[int, ...]:
-        return self.group.element_shape
-
-    @property
     def elements(self) -> LieGroup:
         """The group of the truth."""
         return self.group

@@ -116,9 +116,9 @@ class VonNeumann(LiePoissonSystem):
         return constants | {"spatial momentum": np.asarray(self.spatial_momentum(mu, g))}
 
 
-def require_hermitian(name: str, h: np.ndarray) -> None:
-    """Raise InvalidInput unless a matrix is hermitian to rounding."""
+def require_hermitian(name: str, h: np.ndarray, must: str = "must be hermitian") -> None:
+    """Raise InvalidInput unless a matrix is hermitian to rounding.  must : what the message says of it."""
     off = np.abs(h - h.conj().T)
     if not (off <= 1e-12 * np.abs(h).max()).all():
         i, j = (int(k) for k in np.unravel_index(int(off.argmax()), off.shape))
-        raise InvalidInput(f"{name} must be hermitian: [{i}, {j}] is {h[i, j]:.6g}, [{j}, {i}] is {h[j, i]:.6g}")
+        raise InvalidInput(f"{name} {must}: [{i}, {j}] is {h[i, j]:.6g}, [{j}, {i}] is {h[j, i]:.6g}")

@@ -26,6 +26,7 @@ from ...groups.matrices.matrix_group import whole_number
 from ...systems.hamiltonian import Hamiltonian
 from ...systems.lagrangian import Lagrangian
 from ...systems.lie_poisson import BodyState, LiePoissonSystem
+from .von_neumann import require_hermitian
 
 
 @record
@@ -165,15 +166,9 @@ class ZeitlinSphere(LiePoissonSystem):
         if array.shape != (n, n):
             raise InvalidInput(f"{name} has shape {array.shape}; it must be ({n}, {n})")
         check_finite(array, name)
-        off, size = np.abs(array - array.conj().T), np.abs(array).max()
-        if not off.max() <= 1e-12 * size:
-            i, j = (int(k) for k in np.unravel_index(int(off.argmax()), off.shape))
-            raise InvalidInput(
-                f"{name} is not hermitian, as that of a real field is: [{i}, {j}] is {array[i, j]:g}, [{j}, {i}] is "
-                f"{array[j, i]:g}"
-            )
+        require_hermitian(name, array, "is not hermitian, as that of a real field is")
         trace = float(np.trace(array).real)
-        if not abs(trace) <= 1e-12 * n * size:
+        if not abs(trace) <= 1e-12 * n * np.abs(array).max():
             raise InvalidInput(
                 f"{name} has the trace {trace:g}; it must be zero, for so is the sum of the vorticity over the "
                 f"sphere: subtract {trace / n:g} times the unit matrix"

@@ -249,11 +249,9 @@ class ConstrainedSystem(CanonicalSystem):
         dependent there, and a start that is not consistent: it says by how much g(q) and G H_p
         fail.  `consistent` gives the nearest start that is.
         """
-        arrays, members = self._points(q, p)
-        self._check_formulas(arrays[0])
-        where, single = f"{type(self).__name__}.state", members is None
-        q, p = (np.broadcast_to(np.atleast_2d(a), (members or 1, self.degrees)) for a in arrays)
-        self._check_rank(where, q, p, single)
+        where = f"{type(self).__name__}.state"
+        arrays, members, q, p = self._starts(where, q, p)
+        single = members is None
         failing = np.asarray(self.defects(q, p)).reshape(len(q), 2, -1)
         bad = np.flatnonzero(~(failing <= CONSISTENT).all(axis=(1, 2)))
         if len(bad):
@@ -272,6 +270,14 @@ class ConstrainedSystem(CanonicalSystem):
             )
         self._check_motion(where, q, p, single)
         return self._canonical_state(arrays, members)
+
+    def _starts(self, where: str, q: Any, p: Any) -> tuple[Any, int | None, np.ndarray, np.ndarray]:
+        """The parts of starts and their number, as `_points` gives them, and q and p as (members, n)."""
+        arrays, members = self._points(q, p)
+        self._check_formulas(arrays[0])
+        q, p = (np.broadcast_to(np.atleast_2d(a), (members or 1, self.degrees)) for a in arrays)
+        self._check_rank(where, q, p, members is None)
+        return arrays, members, q, p
 
     @final
     def _reached(self, **parts: Any) -> CanonicalState:
@@ -292,17 +298,14 @@ class ConstrainedSystem(CanonicalSystem):
         Far from M, where there may be several, it is one that is reached across the constraints.
         Raises InvalidInput as `state` does, and if no such state is found near by.
         """
-        arrays, members = self._points(q, p)
-        self._check_formulas(arrays[0])
-        where, single = f"{type(self).__name__}.consistent", members is None
-        q, p = (np.broadcast_to(np.atleast_2d(a), (members or 1, self.degrees)) for a in arrays)
-        self._check_rank(where, q, p, single)
+        where = f"{type(self).__name__}.consistent"
+        _, members, q, p = self._starts(where, q, p)
         try:
             nearest = [self._nearest(small(a), small(b)) for a, b in zip(q, p, strict=True)]
         except (NoConvergence, InconsistentState, ZeroDivisionError) as error:
             raise InvalidInput(f"{where}: {error}. Give a start that is nearer to g(q) = 0") from error
         q, p = (np.array(x) for x in zip(*nearest, strict=True))
-        return self.state(q[0], p[0]) if single else self.state(q, p)
+        return self.state(q[0], p[0]) if members is None else self.state(q, p)
 
     def _nearest(self, q: Vec, p: Vec) -> tuple[Vec, Vec]:
         """The nearest position y = q + x H_pp G(y)^T by Newton's method from the one across the
