@@ -154,6 +154,22 @@ class SteeredFromSpace(Steered):
     side = "right"
 
 
+@lm.record
+class DrivenInverse(DrivenFromSpace):
+    """The equation of g^-1, if g moves as `Driven`."""
+
+    def drive(self, t: float) -> lm.Vec:
+        return -Driven(lm.SO3()).drive(t)
+
+
+@lm.record
+class SteeredInverse(SteeredFromSpace):
+    """The equation of k = g^-1, if g moves as `Steered`: k' = -xi(t, k^-1) k."""
+
+    def velocity(self, t: float, g: lm.Element) -> lm.Vec:
+        return -Steered(lm.SO3()).velocity(t, g.T)
+
+
 # ---------------------------------------------------------------- bodies with reference values, and bodies in fields
 
 

@@ -6,6 +6,7 @@ says the number.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 from collections.abc import Iterator
 from typing import Any, ClassVar
@@ -21,6 +22,7 @@ from scenes import (
     heavy_top,
     kirchhoff_body,
     orbiting_body,
+    same_bits,
 )
 from shipped import METHODS
 
@@ -212,6 +214,42 @@ def test_claims(method: lm.Method, name: str) -> None:
 def test_every_method_has_a_system() -> None:
     seen = {type(case.values[0]) for case in cases()}
     assert seen == {type(method) for method in methods()}
+
+
+def of_free_bodies() -> Iterator[Any]:
+    """All that move a free body, but for those whose numbers are fitted to its units."""
+    body, _ = systems()["free body"]
+    for method in methods():
+        with contextlib.suppress(lm.errors.IncompatibleSystem):
+            method.require(body)
+            if getattr(method, "scale", None) is None:
+                yield pytest.param(method, marks=[pytest.mark.slow] if is_dear(method) else [], id=repr(method))
+
+
+@pytest.mark.sample(4)
+@pytest.mark.parametrize("method", [*of_free_bodies()])
+def test_a_free_body(method: lm.Method) -> None:
+    """Orbit, group and momentum in space to rounding; at rest it stays, to the bit; neither another unit of mass nor
+    whether the attitude is asked for changes a bit of its momentum.
+    """
+    body, start = systems()["free body"]
+    h = 0.05 if isinstance(method, lm.FirstKindHamiltonJacobi) else 0.2
+
+    def run(mu: Any, g: Any, unit: float = 1.0) -> Any:
+        one = lm.RigidBody(unit * np.array(body.inertia))
+        begin, steps = one.state(unit * np.array(mu), g), 2 if is_dear(method) else 20
+        return lm.integrate(one, method, begin, h=h, steps=steps, compiled=False)
+
+    moved, size = run(start.mu, start.g), np.linalg.norm(start.mu)
+    assert np.abs(np.linalg.norm(moved.mu, axis=1) - size).max() < 3e-15 * size
+    assert np.abs(moved.spatial_momentum - moved.spatial_momentum[0]).max() < 5e-15 * size
+    assert np.abs(np.swapaxes(moved.g, 1, 2) @ moved.g - np.eye(3)).max() < 5e-15
+    rest = run([0.0, 0.0, 0.0], start.g)
+    assert not rest.mu.any() and (rest.g == np.array(start.g)).all()
+    for unit in (2.0**-300, 2.0**300):
+        heavy = run(start.mu, start.g, unit)
+        assert same_bits(heavy.mu, unit * moved.mu) and same_bits(heavy.g, moved.g)
+    assert same_bits(run(start.mu, None).mu, moved.mu)
 
 
 # ---------------------------------------------------------------- claims that do not hold

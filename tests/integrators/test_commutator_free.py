@@ -7,17 +7,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from scenes import (
-    Steered,
-    SteeredFromSpace,
-    asymmetric_body,
-    errors_at,
-    hat,
-    poisson_defect,
-    rotation,
-    same_bits,
-    slope,
-)
+from scenes import Steered, SteeredFromSpace, asymmetric_body, errors_at, hat, rotation, same_bits, slope
 
 import liemech as lm
 from liemech.formulas import cos, sin, vec
@@ -155,16 +145,6 @@ def test_a_tableau_of_fractions() -> None:
 # ---------------------------------------------------------------- orders
 
 
-@lm.record
-class SteeredInverse(Steered):
-    """The motion of the inverse of `Steered`: k = g^-1 has k' = -xi(t, k^-1) k."""
-
-    side = "right"
-
-    def velocity(self, t: float, g: lm.Element) -> lm.Vec:
-        return -Steered(lm.SO3()).velocity(t, g.T)
-
-
 ATTITUDE = rotation(np.random.default_rng(5))
 
 
@@ -218,16 +198,6 @@ def test_a_fifth_velocity_makes_errors_smaller() -> None:
             run = lm.integrate(system, CommutatorFree(tableau=t), system.state(ATTITUDE), h=0.025, steps=80)
             error.append(np.abs(run.g[-1] - reference(kind, 2.0)).max())
         assert 1.5 * error[1] < error[0]
-
-
-@pytest.mark.sample(4)
-@by_name
-def test_a_motion_and_its_inverse(method: CommutatorFree) -> None:
-    """g' = g xi and the equation of g^-1, with its velocity in space: step by step inverse to each other."""
-    body, space = Steered(lm.SO3()), SteeredInverse(lm.SO3())
-    there = lm.integrate(body, method, body.state(ATTITUDE), h=0.2, steps=12)
-    inverse = lm.integrate(space, method, space.state(ATTITUDE.T), h=0.2, steps=12)
-    assert np.abs(np.swapaxes(there.g, 1, 2) - inverse.g).max() < 1e-13
 
 
 def test_flows_that_are_not_exact_leave_order_two(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -292,53 +262,7 @@ def test_shared_flows_are_the_same_as_flows_followed_again() -> None:
         assert same_bits(runs[0].g, runs[1].g)
 
 
-# ---------------------------------------------------------------- what is kept
-
-
-@pytest.mark.sample(4)
-@by_name
-def test_orbit_group_and_spatial_momentum_are_kept_to_rounding(method: CommutatorFree) -> None:
-    body, start = asymmetric_body()
-    run = lm.integrate(body, method, start, h=0.3, steps=60)
-    size = np.linalg.norm(run.mu[0])
-    assert np.abs(np.linalg.norm(run.mu, axis=1) - size).max() < 3e-14 * size
-    assert np.abs(run.spatial_momentum - run.spatial_momentum[0]).max() < 3e-14 * size
-    assert np.abs(np.swapaxes(run.g, 1, 2) @ run.g - np.eye(3)).max() < 3e-14
-
-
-def test_the_bracket_is_not_kept() -> None:
-    body, start = asymmetric_body()
-    h = [0.16, 0.08, 0.04]
-    defects = [poisson_defect(body, CommutatorFree(order=4), np.array(start.mu), step) for step in h]
-    assert defects[0] > 1e-8
-    assert slope(h, defects) == pytest.approx(5.0, abs=0.4)
-
-
-@pytest.mark.sample(3)
-@by_name
-def test_the_momentum_does_not_know_whether_the_attitude_is_asked_for(method: CommutatorFree) -> None:
-    body, start = asymmetric_body()
-    runs = [lm.integrate(body, method, s, h=0.3, steps=40) for s in (start, body.state(start.mu))]
-    assert same_bits(runs[0].mu, runs[1].mu)
-    assert runs[1].g is None
-
-
 # ---------------------------------------------------------------- the face
-
-
-def test_repr_builds_the_same_method() -> None:
-    for method in (CommutatorFree(), CommutatorFree(order=2), CrouchGrossman(), CrouchGrossman(order=3)):
-        assert eval(repr(method), {"CommutatorFree": CommutatorFree, "CrouchGrossman": CrouchGrossman}) == method
-    assert [m.name for m in (CommutatorFree(), CommutatorFree(order=1), CrouchGrossman(order=3))] == [
-        "CF4",
-        "Lie-Euler",
-        "CG3",
-    ]
-    mine = CommutatorFree(tableau=CARPENTER_KENNEDY4)
-    assert repr(mine) == "CommutatorFree(tableau=FlowTableau(Carpenter-Kennedy 4: order 4, 5 stages, 5 flows))"
-    assert mine.order == 4
-    assert not mine.symmetric
-    assert not mine.symplectic
 
 
 def test_refusals() -> None:

@@ -93,17 +93,6 @@ def test_isospectral_methods_as_matrices(method: Isospectral) -> None:
     assert np.abs(Q_new.T - turn).max() < 2e-15
 
 
-@pytest.mark.parametrize("h", [0.05, 0.5])
-def test_isospectral_midpoint_is_algorithm_1_with_cayley(h: float) -> None:
-    body, start = asymmetric_body()
-    state = start
-    for _ in range(10):
-        a, b = (lm.integrate(body, m, state, h=h, steps=1).last for m in (Isospectral(2), CAYLEY))
-        assert np.abs(np.array(a.mu) - np.array(b.mu)).max() < 1e-15
-        assert np.abs(np.array(a.g) - np.array(b.g)).max() < 1e-15
-        state = a
-
-
 def test_relatives_of_the_cayley_map() -> None:
     """With x the Cayley vector of a step and p = J x/h, three methods differ in how p and mu at its start are related."""
     J, mu, _, turn = one_step(IMPLICIT, 0.4)
@@ -140,28 +129,17 @@ def test_who_is_more_accurate() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.compiled
-@each
-def test_ten_thousand_steps(method: lm.Method) -> None:
-    body, start = seed_body()
-    run = lm.integrate(body, method, start, h=0.05, steps=10_000, every=10)
-    space = np.einsum("nij,nj->ni", run.g, run.mu)
-    assert np.abs(np.linalg.norm(run.mu, axis=1) - 1.0).max() < 1e-13
-    assert np.abs(space - space[0]).max() < 1e-13
-    off = np.abs(run.energy - run.energy[0])
-    if method in (IMPLICIT, SPHERICAL, VESELOV):
-        assert off.max() < 1e-13
-    else:
-        assert off[500:].max() <= 1.1 * off[:500].max() + 1e-13
-
-
-@pytest.mark.slow
 def test_energy_of_large_steps() -> None:
     """A thousand steps h = 0.5: bounded, or exact."""
     body, start = seed_body()
-    for method, bound in ((ROTATIONS, 1.8e-3), (EXP, 1.0e-3), (CAYLEY, 2.6e-3), (IMPLICIT, 0.0), (SPHERICAL, 0.0)):
+    for method, bound in (
+        (ROTATIONS, 1.8e-3),
+        (EXP, 1.0e-3),
+        (CAYLEY, 2.6e-3),
+        *((m, 0.0) for m in (IMPLICIT, SPHERICAL, VESELOV)),
+    ):
         run = lm.integrate(body, method, start, h=0.5, steps=1000)
-        assert np.abs(run.energy - run.energy[0]).max() == pytest.approx(bound, rel=0.05, abs=1e-14), method
+        assert np.abs(run.energy - run.energy[0]).max() == pytest.approx(bound, rel=0.05, abs=2e-14), method
 
 
 # ---------------------------------------------------------------- other energies, other axes, rest
@@ -206,27 +184,6 @@ def test_axes_do_not_matter(method: lm.Method) -> None:
     b = lm.integrate(tilted, method, other, h=0.2, steps=50)
     assert np.abs(a.mu @ U.T - b.mu).max() < 1e-13
     assert np.abs(a.g @ U.T - b.g).max() < 1e-13
-
-
-@pytest.mark.sample(4)
-@each
-@pytest.mark.parametrize("scale", [2.0**-300, 2.0**300])
-def test_units_do_not_matter(method: lm.Method, scale: float) -> None:
-    """Another unit of mass: the same turns bit for bit, no absolute tolerance anywhere."""
-    body, start = asymmetric_body()
-    heavy = lm.RigidBody(scale * np.array(body.inertia))
-    a = lm.integrate(body, method, start, h=0.2, steps=20, compiled=False)
-    b = lm.integrate(heavy, method, heavy.state(scale * np.array(start.mu), start.g), h=0.2, steps=20, compiled=False)
-    assert same_bits(a.g, b.g)
-    assert same_bits(scale * a.mu, b.mu)
-
-
-@each
-def test_a_body_at_rest_stays(method: lm.Method) -> None:
-    body, start = asymmetric_body()
-    run = lm.integrate(body, method, body.state([0.0, 0.0, 0.0], start.g), h=0.3, steps=5)
-    assert (run.mu == 0.0).all()
-    assert (run.g == np.array(start.g)).all()
 
 
 # ---------------------------------------------------------------- the end of their range
@@ -361,29 +318,3 @@ def test_methods_of_the_free_body_refuse_other_energies(method: lm.Method) -> No
 def test_three_rotations_need_principal_axes() -> None:
     with pytest.raises(lm.errors.IncompatibleSystem, match="needs three principal moments"):
         ROTATIONS.require(lm.RigidBody([[2.0, 0.1, 0.0], [0.1, 1.5, 0.0], [0.0, 0.0, 1.0]]))
-
-
-def test_isospectral_orders() -> None:
-    with pytest.raises(lm.errors.InvalidInput, match=r"order is one of \[2, 4, 6, 8, 10\]; got 3"):
-        Isospectral(3)
-
-
-def test_names() -> None:
-    assert len({m.name for m in METHODS}) == len(METHODS)
-    assert Isospectral().order == 4
-
-
-def test_isospectral_methods_have_the_even_orders_to_ten() -> None:
-    offered = []
-    for order in range(1, 13):
-        try:
-            offered.append(lm.Isospectral(order=order).order)
-        except lm.errors.InvalidInput:
-            continue
-    assert offered == [2, 4, 6, 8, 10]
-
-
-@pytest.mark.parametrize("order", [2.0, True, "4", None])
-def test_an_order_is_a_whole_number(order: object) -> None:
-    with pytest.raises(lm.errors.InvalidInput, match="order is one of"):
-        lm.Isospectral(order=order)

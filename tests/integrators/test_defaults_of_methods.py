@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import re
 from typing import Any
 
 import numpy as np
 import pytest
+import shipped
 
 import liemech as lm
 from liemech import tableaus
 from liemech.names import everything
 
-pytestmark = pytest.mark.sample(44)  # all, a millisecond each
+pytestmark = pytest.mark.sample(99)  # all, a millisecond each
 
 METHODS: dict[type, dict[str, Any]] = {
     lm.AdaptiveVerlet: {"order": 2},
@@ -55,6 +57,11 @@ METHODS: dict[type, dict[str, Any]] = {
     lm.time_scales.DistancePower: {"power": 1.5},
 }
 OFFERED: list[tuple[Any, list[int]]] = [
+    (lm.CommutatorFree, [1, 2, 3, 4]),
+    (lm.CrouchGrossman, [1, 2, 3, 4]),
+    (lm.Isospectral, [2, 4, 6, 8, 10]),
+    (lambda p: lm.KickDrift(order=p), [2, 4, 6, 8]),
+    (lambda p: lm.Splitting(order=p), [1, 2, 3, 4, 6, 8]),
     (lm.GalerkinVariational, [2, 4, 6, 8]),
     (lm.SymplecticRKMK, [2, 4, 6, 8]),
     (lm.LiePoissonHamiltonJacobi, [2, 4, 6, 8]),
@@ -87,6 +94,16 @@ NAMES = {
     lm.RKMK(4, truncation="closed"): "RKMK4 (closed)",
     lm.Taylor(): "Taylor12",
     lm.Taylor(8, lm.Exponential()): "Taylor8 (Exponential)",
+    lm.CommutatorFree(): "CF4",
+    lm.CommutatorFree(order=1): "Lie-Euler",
+    lm.CrouchGrossman(order=3): "CG3",
+    lm.Magnus(order=6): "Magnus6",
+    lm.CovariantVariational(lm.Cayley()): "Algorithm 1 (Cayley)",
+    lm.LiePoissonHamiltonJacobi(4, lm.Cayley()): "Hamilton-Jacobi 4 (Cayley)",
+    lm.FirstKindHamiltonJacobi(3, lm.Cayley()): "Hamilton-Jacobi 3 of the first kind (InvariantForm, Cayley)",
+    lm.GalerkinVariational(6, lm.Cayley()): "Galerkin 6 (Cayley)",
+    lm.KickDrift(lm.ThreeRotations()): "Strang splitting (Three rotations)",
+    lm.Composition(lm.CovariantVariational(lm.Cayley())): "Suzuki 4 of Algorithm 1 (Cayley)",
 }
 
 
@@ -99,10 +116,11 @@ def test_what_a_method_is_when_nothing_is_said(method: type) -> None:
 @pytest.mark.parametrize(("made", "wanted"), OFFERED)
 def test_which_orders_a_method_offers(made: Any, wanted: list[int]) -> None:
     found = []
-    for order in range(-1, 40):
+    for order in (*range(-1, 40), 2.0, True, "4", None):
         try:
             made(order)
-        except lm.errors.InvalidInput:
+        except (lm.errors.InvalidInput, lm.errors.InvalidType) as refusal:
+            assert re.search("order|nodes", str(refusal))
             continue
         found.append(order)
     assert found == wanted
@@ -112,6 +130,14 @@ def test_which_orders_a_method_offers(made: Any, wanted: list[int]) -> None:
 @pytest.mark.parametrize("method", NAMES, ids=repr)
 def test_what_a_method_is_called(method: lm.Method) -> None:
     assert method.name == NAMES[method]
+
+
+@pytest.mark.parametrize("method", [*shipped.METHODS, *NAMES], ids=lambda method: method.name)
+def test_a_method_says_how_it_is_made(method: lm.Method) -> None:
+    """But for tableaus and functions, which are named."""
+    said = repr(method)
+    if "Tableau(" not in said and "sigma(" not in said:
+        assert eval(said, everything()) == method
 
 
 POOL: dict[str, list[Any]] = {

@@ -293,13 +293,6 @@ def test_what_a_fish_keeps(retraction: lm.Retraction) -> None:
     assert np.ptp(casimirs, axis=0).max() < 1e-13
 
 
-def test_a_body_at_rest_stays() -> None:
-    body, _ = asymmetric_body()
-    run = lm.integrate(body, FirstKindHamiltonJacobi(4), body.state([0.0, 0.0, 0.0], np.eye(3)), h=0.05, steps=3)
-    assert not run.mu.any()
-    assert np.abs(run.g - np.eye(3)).max() == 0.0
-
-
 # ---------------------------------------------------------------- what is refused
 
 
@@ -355,10 +348,3 @@ def test_what_cannot_be_meant() -> None:
     body, start = asymmetric_body()
     with pytest.raises(lm.errors.NoConvergence, match="h = 8 is too large"):
         lm.integrate(body, FirstKindHamiltonJacobi(2), start, h=8.0, steps=3)
-
-
-def test_face() -> None:
-    method = FirstKindHamiltonJacobi(3, CAYLEY)
-    assert method.name == "Hamilton-Jacobi 3 of the first kind (InvariantForm, Cayley)"
-    assert method.symplectic
-    assert not method.symmetric

@@ -17,7 +17,7 @@ from liemech.models.planets.henon_heiles import HenonHeiles
 from liemech.models.planets.kepler import Kepler
 from liemech.models.swinging.pendulums import DoublePendulum, Pendulum
 from liemech.rooms.hamilton_jacobi.hamilton_jacobi import HamiltonJacobi
-from liemech.systems.canonical import CanonicalState, HamiltonianSystem
+from liemech.systems.canonical import HamiltonianSystem
 
 if TYPE_CHECKING:
     import sympy
@@ -155,17 +155,6 @@ def test_order_in_one_degree_of_freedom(system: HamiltonianSystem, order: int, a
 
 @pytest.mark.slow
 @pytest.mark.compiled
-@pytest.mark.parametrize("adjoint", [False, True])
-@pytest.mark.parametrize("order", [2, 4, 6])
-@pytest.mark.parametrize(("system", "t_end"), [(DOUBLE, 1.0), (GALAXY, 10.0)], ids=["DoublePendulum", "HenonHeiles"])
-def test_order_in_two_degrees_of_freedom(system: HamiltonianSystem, t_end: float, order: int, adjoint: bool) -> None:
-    counts = (200, 400)
-    error = errors(system, HamiltonJacobi(order, adjoint=adjoint), t_end, counts)
-    assert abs(slope([1 / n for n in counts], error) - order) <= 0.1
-
-
-@pytest.mark.slow
-@pytest.mark.compiled
 @pytest.mark.parametrize("order", [8, 10])
 def test_high_orders(order: int) -> None:
     counts = (50, 100)
@@ -268,16 +257,7 @@ def test_angular_momentum_is_kept() -> None:
         assert run.drift()["Runge-Lenz vector"].largest >= 1e-8
 
 
-# ------------------------------------------------------------------ native code
-
-
 # ------------------------------------------------------------------ refusals
-
-
-@pytest.mark.parametrize("order", [0, 11, 2.5, True, "4", None])
-def test_bad_orders(order: Any) -> None:
-    with pytest.raises(InvalidInput, match="whole number from 1 to 10"):
-        HamiltonJacobi(order)
 
 
 def test_bad_options() -> None:
@@ -365,28 +345,6 @@ def test_a_step_that_is_too_large_is_told(system: HamiltonianSystem) -> None:
         lm.integrate(system, HamiltonJacobi(4), STARTS[system], h=3.0, steps=5)
     assert failure.value.trajectory is not None
     assert len(failure.value.trajectory) >= 1
-
-
-@pytest.mark.slow
-@pytest.mark.compiled
-def test_members_that_fail_stop_and_the_others_go_on() -> None:
-    system = Kepler()
-    q, p = np.array([[1.0, 0.0], [0.001, 0.0]]), np.array([[0.0, 1.0], [0.0, 1.0]])
-    with pytest.warns(RuntimeWarning, match="1 of 2 bodies stopped early"):
-        run = lm.integrate(system, HamiltonJacobi(4), system.state(q, p), h=0.05, steps=2000, compiled=True)
-    assert set(run.stopped) == {1}
-    assert np.abs(run.energy[:, 0] + 0.5).max() <= 1e-4
-
-
-@pytest.mark.slow
-def test_a_step_is_that_of_the_state_alone() -> None:
-    """No memory: a run that goes on from a sample of another has its bits, but for what sums carry along."""
-    whole = lm.integrate(CURVED, HamiltonJacobi(4), STARTS[CURVED], h=0.1, steps=20, compensated=False)
-    half = lm.integrate(CURVED, HamiltonJacobi(4), STARTS[CURVED], h=0.1, steps=10, compensated=False)
-    rest = lm.integrate(CURVED, HamiltonJacobi(4), half.last, h=0.1, steps=10, compensated=False)
-    assert isinstance(half.last, CanonicalState)
-    assert same_bits(rest.q[-1], whole.q[-1])
-    assert same_bits(rest.p[-1], whole.p[-1])
 
 
 @pytest.mark.slow

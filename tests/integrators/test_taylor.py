@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scenes import asymmetric_body, rotation, same_bits, slope
+from scenes import asymmetric_body, rotation, same_bits
 
 import liemech as lm
 from liemech.errors import IncompatibleSystem, InvalidInput, InvalidType, NotCompilable, StepTooSmall
@@ -123,22 +123,6 @@ def last(system: lm.System, method: lm.Method, start: Any, t_end: float, n: int,
 # ------------------------------------------------------------------ order
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("order", "counts"), [(2, (40, 80, 160)), (4, (20, 40, 80)), (8, (8, 12, 18)), (12, (5, 7, 10))]
-)
-def test_order_on_the_asymmetric_body(order: int, counts: tuple[int, ...]) -> None:
-    body, start = asymmetric_body()
-    exact = body.exact(start, np.array([3.0]))
-    momentum, attitude = [], []
-    for n in counts:
-        run = lm.integrate(body, Taylor(order=order), start, h=3.0 / n, steps=n)
-        momentum.append(np.abs(run.mu[-1] - exact.mu[0]).max())
-        attitude.append(np.abs(run.g[-1] - exact.g[0]).max())
-    for error in (momentum, attitude):
-        assert order - 0.5 < slope(3.0 / np.array(counts), error) < order + 1.2, error
-
-
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(("order", "counts"), [(4, (8, 16)), (8, (4, 8))])
 def test_order_on_every_kind_of_system(name: str, order: int, counts: tuple[int, int]) -> None:
@@ -199,14 +183,6 @@ def test_casimir_and_spatial_momentum_to_rounding_over_ten_thousand_steps(order:
     spatial = np.einsum("nij,nj->ni", run.g, run.mu)
     assert np.abs(spatial - spatial[0]).max() < 2e-13 * size[0]
     assert np.abs(np.einsum("nji,njk->nik", run.g, run.g) - np.eye(3)).max() < 1e-13
-
-
-@pytest.mark.slow
-def test_backwards_and_forwards() -> None:
-    body, start = asymmetric_body()
-    there = lm.integrate(body, Taylor(order=12), start, h=0.1, steps=20, compiled=False)
-    back = lm.integrate(body, Taylor(order=12), body.state(there.mu[-1], there.g[-1]), h=-0.1, steps=20, compiled=False)
-    np.testing.assert_allclose(back.mu[-1], start.mu, atol=1e-14)
 
 
 # ------------------------------------------------------------------ adaptive steps
@@ -309,12 +285,6 @@ def test_dense_output_at_tight_tolerance() -> None:
 
 
 # ------------------------------------------------------------------ refusals
-
-
-@pytest.mark.parametrize("order", [1, 0, 31, 4.0, "4", True])
-def test_orders_that_there_are_not(order: Any) -> None:
-    with pytest.raises(InvalidInput, match="order is a whole number from 2 to 30"):
-        Taylor(order=order)
 
 
 def test_refusals() -> None:

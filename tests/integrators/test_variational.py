@@ -9,13 +9,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from scenes import CAYLEY, EXP, RKMK4, asymmetric_body, hat, named, quiet_body, rotation, seed_body, slope, step_map
+from scenes import CAYLEY, EXP, asymmetric_body, named, quiet_body, rotation, seed_body, slope
 
 import liemech as lm
 from liemech.formulas.numbers.conversions import double_double, rounded
 from liemech.formulas.numbers.double_double import is_long
 from liemech.integrators.variational import first_size
-from liemech.names import everything
 from liemech.solvers import leading_power
 
 REFERENCE = json.loads((Path(__file__).parent.parent / "reference" / "integrator_steps_so3.json").read_text())
@@ -128,34 +127,6 @@ def test_a_sphere_turns_exactly(method: lm.CovariantVariational) -> None:
     # with Cayley xi(1 + h^2 |xi|^2/4) = mu/j: a little slower, about the same axis
     axis = np.array(start.mu) / np.linalg.norm(start.mu)
     assert np.abs(run.g[-1] @ axis - exact[-1] @ axis).max() < 1e-14
-
-
-@pytest.mark.parametrize("h", [0.05, 0.5])
-def test_cayley_is_the_isospectral_midpoint_rule(h: float) -> None:
-    """W_n = (1 - hB/2) W (1 + hB/2), W_n+1 = (1 + hB/2) W (1 - hB/2) with W = hat(pi), B = -hat(J^-1 pi).
-
-    Source: Modin, Viviani, Found. Comput. Math. 20 (2020).
-    """
-    body, start = asymmetric_body()
-    run = lm.integrate(body, CAYLEY, start, h=h, steps=10, compiled=False)
-    J, one, W0 = np.array(body.inertia), np.eye(3), hat(run.mu[0])
-    for n in range(10):
-        W = W0
-        for _ in range(200):
-            B = -hat(np.array([W[2, 1], W[0, 2], W[1, 0]]) / J)
-            W = np.linalg.solve(one - h / 2 * B, W0) @ np.linalg.inv(one + h / 2 * B)
-        W0 = (one + h / 2 * B) @ W @ (one - h / 2 * B)
-        assert np.abs(W0 - hat(run.mu[n + 1])).max() < 1e-14
-
-
-# ---------------------------------------------------------------- order and symmetry
-
-
-def test_a_step_back_does_not_undo_a_step_of_rkmk() -> None:
-    body, start = asymmetric_body()
-    there = lm.integrate(body, RKMK4, start, h=0.5, steps=1)
-    back = lm.integrate(body, RKMK4, there.last, h=-0.5, steps=1)
-    assert np.abs(back.mu[-1] - np.array(start.mu)).max() > 1e-7
 
 
 # ---------------------------------------------------------------- structure
@@ -278,23 +249,6 @@ def test_within_its_rule_the_step_of_exp_is_the_one_connected_to_zero() -> None:
             guess = EXP.displacement(body, float(h), lm.Vec.of(mu), guess)
         direct = EXP.displacement(body, top, lm.Vec.of(mu), top * body.velocity(lm.Vec.of(mu)))
         assert np.abs(np.array(direct) - np.array(guess)).max() < 1e-14
-
-
-def test_the_map_of_momenta_needs_no_attitude() -> None:
-    body, start = asymmetric_body()
-    for method in (EXP, CAYLEY):
-        run = lm.integrate(body, method, start, h=0.3, steps=1)
-        assert np.array_equal(step_map(body, method, 0.3)(np.array([start.mu]))[0], run.mu[1])
-
-
-def test_face() -> None:
-    assert repr(CAYLEY) == "CovariantVariational(retraction=Cayley())"
-    assert eval(repr(CAYLEY), everything()) == CAYLEY
-    assert CAYLEY.name == "Algorithm 1 (Cayley)"
-    assert lm.CovariantVariational() == EXP
-    assert EXP.symmetric
-    assert EXP.symplectic
-    assert EXP.order == 2
 
 
 BODY, MU = lm.RigidBody([1.0, 1.6, 2.3]), lm.vec(0.3, 0.8, -0.5)

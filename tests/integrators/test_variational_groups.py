@@ -59,16 +59,6 @@ def test_momentum_fits_the_velocity(scene: object, method: lm.CovariantVariation
     assert np.abs(run.spatial_momentum[1] - run.spatial_momentum[0]).max() < 4e-15
 
 
-@EACH
-@pytest.mark.parametrize("h", [0.05, 0.3])
-def test_a_step_back_undoes_a_step(scene: object, method: lm.Method, h: float) -> None:
-    system, start = scene()  # type: ignore[operator]
-    there = lm.integrate(system, method, start, h=h, steps=1)
-    back = lm.integrate(system, method, there.last, h=-h, steps=1)
-    assert np.abs(back.mu[-1] - there.mu[0]).max() < 2e-15
-    assert np.abs(back.g[-1] - there.g[0]).max() < 4e-15
-
-
 @pytest.mark.sample(4)
 @EACH
 def test_the_bracket_is_kept(scene: object, method: lm.Method) -> None:
@@ -107,22 +97,6 @@ def test_cayley_is_the_isospectral_midpoint_rule(scene: object, h: float) -> Non
         Q = np.linalg.solve(one - h / 2 * B, one + h / 2 * B)
         assert np.abs(after - np.array(hat(run.mu[n + 1]))).max() < 2e-15
         assert np.abs(run.g[n] @ Q.T - run.g[n + 1]).max() < 2e-15
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("retraction", [lm.Exponential(), lm.Cayley()], ids=repr)
-def test_order_two_of_hamilton_jacobi_is_the_same_step(retraction: lm.Retraction) -> None:
-    """s = h H: the displacement is h dH(p), p = dl(xi), and the equation for p is that of Algorithm 1; on any group."""
-    for scene in (on_SE3, on_SO4, on_generators):
-        system, start = scene()
-        places = lm.integrate(system, lm.CovariantVariational(retraction), start, h=0.2, steps=40, every=10)
-        ours, theirs = (
-            lm.integrate(system, method, system.state(places.mu, places.g), h=0.2, steps=1, compiled=False)
-            for method in (lm.LiePoissonHamiltonJacobi(2, retraction), lm.CovariantVariational(retraction))
-        )
-        size = np.abs(places.g).max()
-        assert np.abs(ours.mu - theirs.mu).max() < 4e-15
-        assert np.abs(ours.g - theirs.g).max() < 4e-15 * size
 
 
 # ---------------------------------------------------------------- energies
