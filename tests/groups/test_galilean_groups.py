@@ -110,20 +110,6 @@ def test_casimirs_and_orbits(group: lm.LieGroup) -> None:
         assert np.abs(there - here).max() <= 1e-11 * max(1.0, np.abs(there).max())
 
 
-@pytest.mark.sample(2)
-@names
-@pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.CovariantVariational(lm.Cayley())], ids=repr)
-def test_a_body_moves_on_them(group: lm.LieGroup, method: lm.Method) -> None:
-    """Casimirs and the spatial momentum stay, whatever the energy."""
-    energy = lm.KineticEnergy(1.0 + 0.1 * np.arange(group.dim))
-    system = lm.LiePoissonSystem(group, energy)
-    mu = 0.5 * np.cos(1.0 + np.arange(group.dim))
-    run = lm.integrate(system, method, system.state(mu=mu, g=np.eye(5)), h=0.05, steps=4, compiled=False)
-    assert np.abs(run.casimirs - run.casimirs[0]).max() < 1e-13
-    assert np.abs(run.spatial_momentum - run.spatial_momentum[0]).max() < 1e-13
-    assert np.abs(run.mu - run.mu[0]).max() > 0.01
-
-
 @names
 def test_what_is_no_element_is_refused(group: lm.LieGroup) -> None:
     g = np.eye(5)

@@ -53,19 +53,6 @@ def test_what_they_are_for(group: lm.LieGroup) -> None:
     assert np.abs(group.log(moved) - group.Ad_matrix(g) @ d).max() < bound
 
 
-@pytest.mark.slow
-@names
-def test_the_sides_differ_by_Ad(group: lm.LieGroup) -> None:
-    """The right-trivialised differential is Ad_exp(xi) times the left one, and the left one at
-    -xi.
-    """
-    for xi in 0.7 * np.random.default_rng(3).normal(size=(3, group.dim)):
-        right, left = (group.algebra.dexp_matrix(xi, side) for side in ("right", "left"))
-        Ad = group.Ad_matrix(group.exp(xi))
-        assert np.abs(right - Ad @ left).max() < 400.0 * EPS * np.linalg.norm(Ad) ** 2
-        assert np.array_equal(right, group.algebra.dexp_matrix(-xi))
-
-
 @names
 def test_batches_equal_their_rows(group: lm.LieGroup) -> None:
     xi = np.random.default_rng(4).normal(size=(2, 3, group.dim))

@@ -7,12 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bare import map_of
 from scenes import hat, same_bits
 from scipy.linalg import expm
 
 import liemech as lm
-from liemech.formulas import jacobian
 from liemech.formulas.sums import antisymmetric_map, bilinear_map
 from liemech.groups.matrices.classical import SL, SO, SU, Sp
 from liemech.groups.matrices.heisenberg import Heisenberg
@@ -62,13 +60,6 @@ class Triangular(MatrixLieGroup):
     generators = np.array([[[1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [0.0, 1.0]]])
 
 
-GIVEN = MatrixLieGroup.of(Plane.generators)
-GROUPS = (Rotations(), Plane(), Scaled(2), Affine(), Triangular(), SO(4), SL(2), SL(3), SU(2), SU(3), Sp(4), GIVEN)
-METHODS = (lm.RKMK(order=4), lm.CovariantVariational(lm.Cayley()), lm.CovariantVariational(lm.Exponential()))
-names = pytest.mark.parametrize("group", GROUPS, ids=repr)
-sizes = pytest.mark.parametrize("size", [0.0, 1e-8, 0.1, 1.0, 3.0, 6.0])
-
-
 def samples(group: lm.LieGroup, size: float) -> tuple[np.ndarray, ...]:
     """A velocity of a given length, another one and a momentum of length about 1."""
     xi, eta, mu = np.random.default_rng(group.dim).normal(size=(3, group.dim)) / math.sqrt(group.dim)
@@ -81,46 +72,6 @@ def close(a: object, b: object, ulps: float = 64) -> bool:
 
 
 # ---------------------------------------------------------------- SO(3)
-
-
-@sizes
-def test_rotations_from_generators_equal_the_closed_forms(size: float) -> None:
-    closed, group = lm.SO3(), Rotations()
-    xi, eta, mu = samples(group, size)
-    g = closed.exp(eta)
-    calls = {
-        "exp": (xi,), "compose_exp": (g, xi), "inverse": (g,), "Ad": (g, xi), "Ad_star": (g, mu), "K": (g, mu),
-        "exp_Ad_star": (xi, mu), "cayley": (xi,), "compose_cayley": (g, xi), "cayley_Ad_star": (xi, mu), "ad": (xi, eta),
-        "ad_star": (xi, mu),
-    }  # fmt: skip
-    for name, args in calls.items():
-        assert close(map_of(group, name)(*args), map_of(closed, name)(*args), 16), name
-    for name in (
-        "dexp",
-        "dexp_inv",
-        "dexp_dual",
-        "dexp_inv_dual",
-        "dcayley",
-        "dcayley_inv",
-        "dcayley_dual",
-        "dcayley_inv_dual",
-    ):
-        assert close(map_of(group, name)(xi, mu), map_of(closed, name)(xi, mu), 64), name
-    if size <= 3.0:
-        assert close(group.log(closed.exp(xi)), xi, 16)
-        assert close(group.cayley_inv(closed.cayley(xi)), xi, 64)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
-def test_rotations_from_generators_move_a_body_as_the_closed_forms_do(method: lm.Method) -> None:
-    runs = []
-    for group in (lm.SO3(), Rotations()):
-        system = lm.LiePoissonSystem(group, lm.KineticEnergy([1.0, 1.5, 2.0]))
-        runs.append(lm.integrate(system, method, system.state([0.4, -0.5, 0.7], np.eye(3)), h=0.1, steps=1000))
-    # the rounding of a thousand steps, of both
-    assert np.abs(runs[0].mu - runs[1].mu).max() < 3e-14
-    assert np.abs(runs[0].g - runs[1].g).max() < 1e-13  # of which the angles are the sums
 
 
 @pytest.mark.slow
@@ -141,77 +92,6 @@ def test_logarithm_near_half_a_turn(angle: float) -> None:
 
 
 # ---------------------------------------------------------------- any group
-
-
-@pytest.mark.sample(9)
-@names
-@sizes
-def test_definitions(group: MatrixLieGroup, size: float) -> None:
-    """exp is that of matrices, Ad conjugation, Ad* its transpose, dexp the series of ad, each to rounding."""
-    xi, eta, mu = samples(group, size)
-    algebra = group.algebra
-    x, y = np.array(algebra.hat(xi)), np.array(algebra.hat(eta))
-    g = np.array(group.exp(xi))
-    scale = np.linalg.cond(g)
-    assert np.abs(g - expm(x)).max() <= 1e-12 * np.abs(g).max()
-    assert np.allclose(algebra.hat(group.Ad(g, eta)), g @ y @ np.linalg.inv(g), rtol=0, atol=1e-14 * scale**2)
-    assert abs(group.Ad_star(g, mu) @ eta - mu @ group.Ad(g, eta)) <= 1e-14 * scale**2
-    ad = np.stack([group.ad(xi, e) for e in np.eye(group.dim)], axis=1)
-    block = np.block([[ad, np.eye(group.dim)], [np.zeros_like(ad), np.zeros_like(ad)]])
-    phi = expm(block)[: group.dim, group.dim :]
-    size_of = 1e-12 * max(1.0, np.abs(expm(ad)).max(), np.abs(expm(-ad)).max())
-    assert np.abs(group.exp_Ad_star(xi, mu) - expm(ad).T @ mu).max() <= size_of
-    assert np.abs(group.dexp(xi, eta, "right") - phi @ eta).max() <= size_of
-    assert np.abs(group.algebra.dexp_dual(-xi, mu) - phi.T @ mu).max() <= size_of
-    assert np.abs(group.dexp(xi, eta, "right") - group.dexp(-xi, eta)).max() == 0.0
-    if np.linalg.cond(phi) < 1e4:
-        assert np.abs(group.dexp_inv(-xi, phi @ eta) - eta).max() <= size_of * np.linalg.cond(phi)
-        assert np.abs(group.algebra.dexp_inv_dual(-xi, phi.T @ mu) - mu).max() <= size_of * np.linalg.cond(phi)
-    assert np.abs(group.compose_exp(g, -xi) - np.eye(len(x))).max() <= 1e-14 * scale**2
-    assert group.defect(g) < 1e-12 * scale
-    if size <= 1.0:
-        assert np.abs(group.log(g) - xi).max() <= 1e-14
-
-
-@pytest.mark.sample(12)
-@names
-@pytest.mark.parametrize("size", [0.0, 1e-8, 0.3, 1.0])
-def test_cayley_family(group: MatrixLieGroup, size: float) -> None:
-    xi, eta, mu = samples(group, size)
-    if group.why_no_cayley():
-        with pytest.raises(lm.errors.IncompatibleSystem, match="x y x"):
-            group.cayley(xi)
-        return
-    x, y = np.array(group.algebra.hat(xi)), np.array(group.algebra.hat(eta))
-    one = np.eye(len(x))
-    g = np.array(group.cayley(xi))
-    left, right = np.linalg.inv(one - x / 2), np.linalg.inv(one + x / 2)
-    assert close(g, left @ (one + x / 2))
-    assert group.defect(g) < 1e-14
-    assert close(group.cayley_inv(g), xi)
-    assert close(group.algebra.hat(group.algebra.dcayley(xi, eta)), right @ y @ left)
-    assert close(group.algebra.hat(group.algebra.dcayley_inv(xi, eta)), (one + x / 2) @ y @ (one - x / 2))
-    assert abs(group.algebra.dcayley_dual(xi, mu) @ eta - mu @ group.algebra.dcayley(xi, eta)) < 1e-14
-    assert abs(group.algebra.dcayley_inv_dual(xi, mu) @ eta - mu @ group.algebra.dcayley_inv(xi, eta)) < 1e-14
-    assert close(group.algebra.cayley_Ad_star(xi, mu), group.Ad_star(g, mu))
-    assert close(group.compose_cayley(g, xi), g @ g)
-
-
-@pytest.mark.sample(3)
-@names
-@pytest.mark.parametrize("size", [0.3, 1e-8, 1.0])
-def test_mismatches(group: MatrixLieGroup, size: float) -> None:
-    """r vanishes where p carries mu, and its derivatives are those of r."""
-    xi, p, mu = (lm.Vec.of(v) for v in samples(group, size))
-    maps = [(group.algebra.exp_residual, group.algebra.dexp_dual(-xi, mu), 1e-9)]
-    if group.why_no_cayley() is None:
-        maps.append((group.algebra.cayley_residual, group.algebra.dcayley_dual(-xi, mu), 1e-13))
-    for mismatch, fitting, tolerance in maps:
-        assert np.abs(np.array(mismatch(xi, fitting, mu)[0])).max() < 1e-14
-        _, by_p, by_xi = mismatch(xi, p, mu)
-        assert np.abs(np.array(by_xi) - np.array(jacobian(lambda x, m=mismatch: m(x, p, mu)[0], xi))).max() < tolerance
-        of_p = np.array(jacobian(lambda q, m=mismatch: m(xi, q, mu)[0], p))
-        assert np.allclose(of_p, by_p * np.eye(group.dim) if isinstance(by_p, float) else np.array(by_p), atol=1e-14)
 
 
 def test_structure_constants_are_clean() -> None:

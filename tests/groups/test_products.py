@@ -5,7 +5,6 @@ and rigid motions twice.
 from __future__ import annotations
 
 import json
-import math
 import pickle
 from functools import partial
 from pathlib import Path
@@ -173,21 +172,6 @@ def test_a_product_moves_as_its_factors_do_on_their_own() -> None:
             assert np.abs(alone.g - group.split(run.g)[half.start // 3]).max() <= 64 * EPS
 
 
-@pytest.mark.slow
-@pytest.mark.compiled
-@each([PRODUCTS[0], RIGID])
-def test_batches_equal_rows(group: lm.LieGroup) -> None:
-    rng, n = np.random.default_rng(11), 2100
-    g, xi, eta = (group.random(rng, n), 0.8 * rng.normal(size=(n, group.dim)), rng.normal(size=(n, group.dim)))
-    arguments = {"exp": (xi,), "log": (g,), "compose": (g, g[::-1]), "Ad_star": (g, eta), "dexp_inv_dual": (xi, eta)}
-    for name, args in arguments.items():
-        whole, some = map_of(group, name)(*args), [0, 1, 777, n - 1]
-        assert np.array_equal(whole[some], [map_of(group, name)(*(a[i] for a in args)) for i in some]), name
-    g[5] *= 1.1
-    with pytest.raises(lm.errors.InvalidInput, match=r"g\[5\] is not in"):
-        group.log(g)
-
-
 # ---------------------------------------------------------------- semidirect products
 
 
@@ -214,27 +198,14 @@ def as_matrix(g: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("size", SIZES)
 @each([SEMIDIRECT[0], SEMIDIRECT[1]])
 def test_rigid_motions_once_more(group: lm.SemidirectProduct, size: float, rng: np.random.Generator) -> None:
-    """Every map is that of SE3, in the same coordinates; near a whole turn dexp^-1 has a condition number of 75."""
-    for xi in screws(size):
-        eta, mu = rng.normal(size=(2, 6))
-        g = group.random(rng)
-        m = as_matrix(g)
-        assert close(as_matrix(group.exp(xi)), SE3.exp(xi))
-        assert close(as_matrix(group.cayley(xi)), SE3.cayley(xi))
-        assert close(as_matrix(group.compose_exp(g, xi)), SE3.compose_exp(m, xi))
-        assert close(as_matrix(group.compose_cayley(g, xi)), SE3.compose_cayley(m, xi))
-        assert close(as_matrix(group.inverse(g)), SE3.inverse(m))
-        assert close(group.log(g), SE3.log(m), 128)
-        assert close(group.matrix(g), m)
-        for name in ("Ad", "Ad_star", "K"):
-            assert close(map_of(group, name)(g, mu), map_of(SE3, name)(m, mu)), name
-        for name in ("ad", "ad_star", "exp_Ad_star", "cayley_Ad_star"):
-            assert close(map_of(group, name)(xi, mu), map_of(SE3, name)(xi, mu)), name
-        for name in ("dexp", "dexp_dual", "dcayley", "dcayley_dual", "dcayley_inv", "dcayley_inv_dual"):
-            assert close(map_of(group, name)(xi, eta), map_of(SE3, name)(xi, eta), 64), name
-        for name in ("dexp_inv", "dexp_inv_dual"):
-            assert close(map_of(group, name)(xi, eta), map_of(SE3, name)(xi, eta), 64 if size < 6 else 8192), name
+    """In the coordinates of SE3: one algebra, one exponential and one product make all else."""
     assert close(group.algebra.structure_constants, SE3.algebra.structure_constants)
+    for xi in screws(size):
+        g = group.random(rng)
+        assert close(group.matrix(g), as_matrix(g))
+        assert close(as_matrix(group.exp(xi)), SE3.exp(xi)) and close(as_matrix(group.cayley(xi)), SE3.cayley(xi))
+        assert close(as_matrix(group.compose_exp(g, xi)), SE3.compose_exp(as_matrix(g), xi))
+        assert close(group.log(g), SE3.log(as_matrix(g)), 128)
 
 
 def test_casimirs_of_rigid_motions(rng: np.random.Generator) -> None:
@@ -254,54 +225,6 @@ def test_quaternions_with_displacements_cover_rigid_motions(rng: np.random.Gener
     assert close(group.matrix(group.exp(xi)), SE3.exp(xi))
     assert close(group.matrix(group.cayley(xi)), SE3.cayley(xi))
     assert close(group.Ad(g, xi), SE3.Ad(group.matrix(g), xi))
-
-
-def mp_phi1(a: np.ndarray, exact: list[mp.mpf], basis: list[np.ndarray]) -> mp.matrix:
-    """(e^A - 1)/A in 50 digits, A the sum of exact coordinates times a basis of matrices."""
-    n = len(a)
-    A = sum((x * mp.matrix(b.tolist()) for x, b in zip(exact, basis, strict=True)), mp.zeros(n))
-    total = term = mp.eye(n)
-    for k in range(2, 120):
-        term = term * A / k
-        total = total + term
-    return total
-
-
-@pytest.mark.sample(2)
-@pytest.mark.parametrize("size", [0.0, 1e-8, 1e-3, 0.9, 1.1, 3.0, 6.2])
-@each([RIGID, SEMIDIRECT[3], SEMIDIRECT[4]])
-def test_dexp_and_its_inverses_by_definition_in_50_digits(group: lm.SemidirectProduct, size: float) -> None:
-    """phi1 of the matrix of -ad; large vectors beside small velocities lose nothing."""
-    rng = np.random.default_rng(5)
-    n, k = group.acting.dim, group.action.space_dim
-    units = np.eye(n + k)
-    basis = [np.array([group.ad(a, b) for b in units]).T for a in units]
-    for reach in (1.0, 1e6):
-        xi, eta, mu = rng.normal(size=(3, n + k))
-        xi[:n] *= size / np.linalg.norm(xi[:n])
-        xi[n:] *= reach
-        with mp.workdps(50):
-            D = mp_phi1(units, [-mp.mpf(float(x)) for x in xi], basis)
-            by = [D, D.T, D**-1, (D**-1).T]
-            products = [m * mp.matrix(v.tolist()) for m, v in zip(by, (eta, mu, eta, mu), strict=True)]
-            expected = [np.array([float(x) for x in product]) for product in products]
-            scales = [float(mp.mnorm(m, "f")) for m in by]
-        condition = scales[0] * scales[2] / reach
-        for name, vector, right, scale in zip(
-            ("dexp", "dexp_dual", "dexp_inv", "dexp_inv_dual"), (eta, mu, eta, mu), expected, scales, strict=True
-        ):
-            error = np.abs(map_of(group, name)(xi, vector) - right)
-            bound = (
-                32
-                * EPS
-                * scale
-                * np.linalg.norm(vector)
-                * (1.0 if "inv" not in name else max(1.0, min(condition, 1e3)))
-            )
-            assert error.max() <= bound, (name, reach)
-        # what has no vector in it is exact without one
-        rotational = np.abs(group.dexp(xi, eta) - expected[0])[:n]
-        assert rotational.max() <= 64 * EPS * np.abs(expected[0][:n]).max() * max(1.0, math.exp(size / 2))
 
 
 @pytest.mark.parametrize("size", [0.0, 1e-8, 0.5, 3.0])

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
-import mpmath as mp
 import numpy as np
 import pytest
-from scenes import hat, slope
+from scenes import slope
 
 import liemech as lm
 from liemech.formulas import Vec
@@ -15,25 +12,6 @@ from liemech.formulas.numbers.conversions import double_double, rounded
 
 G = lm.SO3()
 EPS = np.finfo(float).eps
-RETRACTIONS = (lm.Exponential(), lm.Cayley())
-SIZES = (1e-8, 0.1, 1.0, 1.58, 1.6, 3.0)
-
-
-@pytest.fixture(params=RETRACTIONS, ids=lambda r: type(r).__name__)
-def tau(request: pytest.FixtureRequest) -> lm.Retraction:
-    return request.param
-
-
-@pytest.fixture(params=SIZES)
-def vectors(request: pytest.FixtureRequest) -> tuple[np.ndarray, ...]:
-    """xi of the given size, eta and mu of size one."""
-    xi, eta, mu = np.random.default_rng(7).normal(size=(3, 3))
-    return xi * (request.param / np.linalg.norm(xi)), eta, mu
-
-
-def close(a: object, b: object, ulps: float = 32) -> bool:
-    a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
-    return bool(np.abs(a - b).max() <= ulps * EPS * max(1.0, np.abs(b).max()))
 
 
 def test_cayley_agrees_with_the_exponential_to_third_order() -> None:
@@ -47,60 +25,6 @@ def test_cayley_agrees_with_the_exponential_to_third_order() -> None:
 
 
 # ---------------------------------------------------------------- the mismatch
-
-
-def definition(retraction: lm.Retraction, xi: mp.matrix, p: mp.matrix, mu: mp.matrix) -> mp.matrix:
-    """p - (dtau_xi)* mu, from matrices; for the Cayley map times 1 + |xi|^2/4, which frees it of its division."""
-    W = mp.matrix([[0, -xi[2], xi[1]], [xi[2], 0, -xi[0]], [-xi[1], xi[0], 0]])
-    one = mp.eye(3)
-    if isinstance(retraction, lm.Exponential):
-        D, term = one.copy(), one.copy()
-        for k in range(2, 60):
-            term = term * W / k
-            D = D + term
-        return p - D.T * mu
-    # the matrix eta -> (1 - W/2)^-1 eta (1 + W/2)^-1 of algebra elements, column by column
-    left, right = (one - W / 2) ** -1, (one + W / 2) ** -1
-    D = mp.zeros(3)
-    for j, unit in enumerate(np.eye(3)):
-        m = left * mp.matrix(hat(unit).tolist()) * right
-        D[0, j], D[1, j], D[2, j] = m[2, 1], m[0, 2], m[1, 0]
-    return (1 + (xi.T * xi)[0] / 4) * (p - D.T * mu)
-
-
-def derivative(f: Callable[[mp.matrix], mp.matrix], x: mp.matrix) -> np.ndarray:
-    columns = []
-    for j in range(3):
-        e = mp.zeros(3, 1)
-        e[j] = mp.mpf(10) ** -25
-        columns.append([float(v) for v in (f(x + e) - f(x - e)) / (2 * e[j])])
-    return np.array(columns).T
-
-
-@pytest.mark.sample(3)
-def test_mismatch_and_its_derivatives(tau: lm.Retraction, vectors: tuple[np.ndarray, ...]) -> None:
-    xi, p, mu = vectors
-    r, by_p, by_xi = tau.residual(G, *(lm.Vec.of(v) for v in (xi, p, mu)))
-    # a number of the author's choice
-    multiple = tau.residual(G, *(lm.Vec.of(v) for v in (0 * xi, p, mu)))[1]
-    r, by_p, by_xi = np.array(r) / multiple, by_p / multiple, np.array(by_xi) / multiple
-    with mp.workdps(60):
-        x, q, m = (mp.matrix(v.tolist()) for v in (xi, p, mu))
-        wanted = np.array([float(v) for v in definition(tau, x, q, m)])
-        wanted_by_xi = derivative(lambda y: definition(tau, y, q, m), x)
-        wanted_by_p = derivative(lambda y: definition(tau, x, y, m), q)
-    assert close(r, wanted, 16)
-    assert close(by_xi, wanted_by_xi, 16)
-    assert close(by_p * np.eye(3), wanted_by_p, 4)
-
-
-def test_mismatch_vanishes_at_the_discrete_legendre_transform(
-    tau: lm.Retraction, vectors: tuple[np.ndarray, ...]
-) -> None:
-    xi, p, _ = vectors
-    mu = tau.dtau_inv_dual(G, -xi, p)
-    r, by_p, _ = tau.residual(G, *(lm.Vec.of(v) for v in (xi, p, mu)))
-    assert np.abs(np.array(r)).max() < 32 * EPS * by_p * max(np.abs(mu).max(), np.abs(p).max())
 
 
 def test_a_retraction_of_ones_own_must_say_what_it_is() -> None:

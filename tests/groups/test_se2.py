@@ -29,7 +29,7 @@ def screw(xi: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("size", [0.0, 1e-8, 0.6, 0.65, 2.0, 3.1])
 def test_motions_of_the_plane_are_motions_of_space(size: float, rng: np.random.Generator) -> None:
-    for xi, eta, mu in rng.normal(size=(5, 3, 3)):
+    for xi in rng.normal(size=(5, 3)):
         xi = np.r_[size, xi[1:]]
         S = SE3()
         pairs = ((G.exp, S.exp), (G.cayley, S.cayley), (G.by_adjoint.cayley, S.by_adjoint.cayley))
@@ -37,11 +37,6 @@ def test_motions_of_the_plane_are_motions_of_space(size: float, rng: np.random.G
             g, h = ours(xi), in_space(screw(xi))
             assert np.abs(g[:2, :2] - h[:2, :2]).max() < 4 * EPS
             assert np.abs(g[:2, 2] - h[:2, 3]).max() < 8 * EPS
-        by_names = [(G.algebra, S.algebra, n) for n in ("dexp", "dexp_inv", "dcayley", "dcayley_inv")]
-        for a, b, name in [*by_names, (G.by_adjoint.algebra, S.by_adjoint.algebra, "dcayley_inv")]:
-            wanted = getattr(b, name)(screw(xi), screw(eta))[IN_SPACE]
-            assert np.abs(getattr(a, name)(xi, eta) - wanted).max() < 32 * EPS
-        assert np.abs(G.exp_Ad_star(xi, mu) - S.exp_Ad_star(screw(xi), screw(mu))[IN_SPACE]).max() < 32 * EPS
 
 
 def test_a_quarter_turn_on_an_arc() -> None:

@@ -63,20 +63,6 @@ def test_maps_and_differentials_have_the_reference_values(reference: dict) -> No
             assert scaled(value, matrix) < 32 * EPS
 
 
-def test_pure_rotations_are_those_of_so3(rng: np.random.Generator) -> None:
-    zero = np.zeros(3)
-    for w, a, m in rng.normal(size=(10, 3, 3)):
-        xi, eta, mu = np.r_[w, zero], np.r_[a, zero], np.r_[m, zero]
-        assert np.array_equal(G.cayley(xi), motion(R3.cayley(w), zero))
-        for tau, of_rotations in ((G.exp, R3.exp), (G.by_adjoint.cayley, R3.cayley)):
-            assert scaled(tau(xi), motion(of_rotations(w), zero)) < 2 * EPS
-        ours = [(G.algebra, n) for n in ("dexp", "dexp_inv", "dcayley", "dcayley_inv")]
-        for se3, name in [*ours, *[(G.by_adjoint.algebra, n) for n in ("dcayley", "dcayley_inv")]]:
-            so3, dual = R3.algebra, f"{name}_dual"
-            assert scaled(getattr(se3, name)(xi, eta), np.r_[getattr(so3, name)(w, a), zero]) < 4 * EPS
-            assert scaled(getattr(se3, dual)(xi, mu), np.r_[getattr(so3, dual)(w, m), zero]) < 4 * EPS
-
-
 def test_pure_translations_are_vectors(rng: np.random.Generator) -> None:
     for v, u in rng.normal(size=(10, 2, 3)):
         xi = np.r_[np.zeros(3), v]

@@ -163,20 +163,6 @@ def test_back_from_matrices(rng: np.random.Generator) -> None:
         Q.from_matrix(np.diag([1.0, 1.0, -1.0]))
 
 
-def test_a_body_turns_as_with_matrices() -> None:
-    """The momentum equation is the same to the last bit, the attitudes cover each other."""
-    energy = lm.KineticEnergy([1.0, 1.6, 2.3])
-    mu, q = [0.4, -0.5, 0.7], Q.random(5)
-    for method in (lm.RKMK(order=4), lm.CovariantVariational(lm.Exponential()), lm.CovariantVariational(lm.Cayley())):
-        turned = []
-        for group, g in ((Q, q), (R, Q.matrix(q))):
-            system = lm.LiePoissonSystem(group, energy)
-            turned.append(lm.integrate(system, method, system.state(mu, g), h=0.1, steps=60, compiled=False))
-        assert np.array_equal(turned[0].mu, turned[1].mu)
-        assert np.abs(Q.matrix(turned[0].g) - turned[1].g).max() <= 64 * EPS
-        assert np.abs(Q.defect(turned[0].g)).max() <= 16 * EPS
-
-
 # ---------------------------------------------------------------- membership, batches
 
 
