@@ -100,47 +100,6 @@ def test_pieces_become_shorter_where_they_take_long(monkeypatch: pytest.MonkeyPa
     assert np.array_equal(slow.carry.state.mu, whole.carry.state.mu)
 
 
-def test_no_samples_are_asked_for() -> None:
-    runs = native().run(BODY.state(mu=MU[:9]), t_end=2.0, t_eval=[])
-    assert len(runs) == 0 and runs.mu.shape == (0, 9, 3)
-    assert np.array_equal(runs.carry.state.mu[4], alone(4, t_end=2.0).mu[-1])
-
-
-@pytest.mark.slow
-def test_parameters_and_tolerances_of_every_body() -> None:
-    bodies = [lm.RigidBody([1.0, 1.5 + 0.02 * i, 2.0]) for i in range(11)]
-    rtol, longest = 10.0 ** -np.linspace(2.0, 6.0, 11), np.linspace(0.05, 1.0, 11)
-    given: dict[str, Any] = dict(rtol=rtol, atol=1e-9, max_step=longest, h=0.2 * longest)
-    plan = lm.Plan(bodies, METHOD, compiled=True, **given)
-    runs = plan.run(BODY.state(mu=MU[:11]), t_end=2.0, t_eval=TIMES)
-    for i in (0, 4, 10):
-        own = {name: x[i] if np.ndim(x) else x for name, x in given.items()}
-        one = lm.Plan(bodies[i], METHOD, **own).run(BODY.state(mu=MU[i]), t_end=2.0, t_eval=TIMES)
-        assert np.array_equal(runs.mu[:, i], one.mu)
-
-
-@pytest.mark.slow
-def test_an_ensemble_goes_on_and_is_divided() -> None:
-    starts = BODY.state(mu=MU[:17])
-    whole = native().run(starts, t_end=[2.0] * 17, t_eval=TIMES)
-    first = native().run(starts, t_end=np.linspace(0.5, 1.5, 17))
-    second = native().resume(first, t_end=2.0)
-    for i in (0, 8, 16):
-        begun = alone(i, t_end=np.linspace(0.5, 1.5, 17)[i])
-        assert np.array_equal(second.mu[-1, i], PLAN.resume(begun, t_end=2.0).mu[-1])
-    with ThreadPoolExecutor(2) as executor:
-        spread = native().run(starts, t_end=2.0, t_eval=TIMES, executor=executor)
-    assert np.array_equal(spread.mu, whole.mu)
-    back = native().resume(first, t_end=0.0)
-    assert np.array_equal(back.mu[-1, 3], PLAN.resume(alone(3, t_end=first.t[-1, 3]), t_end=0.0).mu[-1])
-
-
-def test_functions_of_the_state() -> None:
-    runs = native(record=["energy"]).run(BODY.state(mu=MU[:9]), t_end=2.0, t_eval=TIMES)
-    mu = native().run(BODY.state(mu=MU[:9]), t_end=2.0, t_eval=TIMES).mu
-    assert np.array_equal(runs.energy, BODY.energy(mu))
-
-
 def test_plain_python_begins_and_lanes_take_over(monkeypatch: pytest.MonkeyPatch) -> None:
     """The bits do not tell where."""
     whole = native().run(BODY.state(mu=MU[:19]), t_end=2.0, t_eval=TIMES)
@@ -220,18 +179,6 @@ def test_a_body_whose_step_becomes_too_small(compiled: bool, tmp_path: Path) -> 
     assert runs.stopped[1].steps == single.trajectory.steps
     runs.save(tmp_path / "runs.npz")
     assert np.array_equal(lm.Trajectory.load(tmp_path / "runs.npz").q, runs.q)
-
-
-def test_a_body_that_cannot_begin() -> None:
-    """The first one has no velocity at its start; the next ones have."""
-    kepler = lm.Kepler()
-    plan = lm.Plan(kepler, METHOD, rtol=1e-4, compiled=True, progress=False)
-    starts = kepler.state(q=[[0.0, 0.0], [0.6, 0.0]], p=[[0.0, 1.0], [0.0, 1.4]])
-    with pytest.warns(RuntimeWarning, match="1 of 2 bodies stopped early: body 0 after 0 steps"):
-        runs = plan.run(starts, t_end=1.0)
-    one = plan.run(kepler.state(q=[0.6, 0.0], p=[0.0, 1.4]), t_end=1.0)
-    assert np.array_equal(runs.q[-1, 1], one.q[-1])
-    assert np.array_equal(runs.q[:, 0], np.zeros((2, 2)))
 
 
 @lm.record
@@ -328,14 +275,6 @@ def test_steps_of_one_length_that_fail_between_two_samples() -> None:
             runs = many.run(system.state(mu=mu), t_end=[10.0, 10.0, 10.0])
         assert np.array_equal(runs.mu[-1, 1], single.reached.mu)
         assert np.array_equal(runs.mu[-1, [0, 2]], mu[[0, 2]])
-
-
-def test_a_sample_at_the_end_where_the_velocity_jumps() -> None:
-    """It was lost."""
-    plan = PLAN.replace(breaks=[1.0], compiled=False)
-    run = alone(3, plan, t_end=1.0, t_eval=[0.5, 1.0, 1.0])
-    assert np.array_equal(run.t, [0.5, 1.0, 1.0])
-    assert np.array_equal(run.mu[[-1, -1]], alone(3, plan, t_end=1.0).mu[[-1, -1]])
 
 
 @pytest.mark.slow

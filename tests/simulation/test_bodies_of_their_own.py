@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -48,117 +47,6 @@ def saved(run: lm.Trajectory, folder: Path, name: str = "run.npz") -> lm.Traject
     return lm.Trajectory.load(folder / name)
 
 
-@pytest.mark.parametrize("t_end", [slow(2.0), [2.0, 1.5, -1.0, 1.0]])
-def test_adaptive_ensembles_go_on_body_by_body(t_end: Any, tmp_path: Path) -> None:
-    """Each with its controller, from where it stands."""
-    plan = lm.Plan(BODY, DP5, rtol=1e-6, compiled=False)
-    first, ends = plan.run(STARTS, t_end=t_end), 1.5 * np.broadcast_to(t_end, 4)
-    with ThreadPoolExecutor(2) as executor:
-        spread = plan.run(STARTS, t_end=t_end, executor=executor)
-    for begun in (first, saved(first, tmp_path), spread):
-        assert np.array_equal(begun.carry.t, first.t[-1])
-        rest = plan.resume(begun, t_end=ends)
-        for i, end in enumerate(ends):
-            alone = plan.resume(plan.run(of(i), t_end=first.carry.members[i].t), t_end=end)
-            assert np.array_equal(rest.mu[-1, i], alone.mu[-1])
-            assert np.array_equal(rest.g[-1, i], alone.g[-1]) and rest.t[-1, i] == end
-        joined = begun.then(rest)
-        assert np.array_equal(joined.t[0], np.zeros(4)) and np.array_equal(joined.t[-1], ends)
-    with pytest.raises(InvalidInput, match="another method"):
-        lm.Plan(BODY, lm.RKMK(order=8), rtol=1e-6).resume(first, t_end=9.0)
-
-
-LOOKS = [0]
-
-
-@lm.record
-class Interrupting(lm.Hamiltonian):
-    """A free body, whose energy is asked for until somebody presses Ctrl-C."""
-
-    def gradient(self, mu: lm.Vec) -> lm.Vec:
-        LOOKS[0] -= 1
-        if LOOKS[0] == 0:
-            raise KeyboardInterrupt
-        return lm.vec(mu[0], mu[1] / 1.5, mu[2] / 2.0)
-
-
-def test_an_adaptive_ensemble_that_was_interrupted_goes_on(tmp_path: Path) -> None:
-    """Its file has every body where it stands: at the end, on the way, at its start."""
-    system, file = lm.LiePoissonSystem(lm.SO3(), Interrupting()), tmp_path / "runs.npz"
-    plan = lm.Plan(system, DP5, rtol=1e-6, compiled=False, progress=False)
-    starts = system.state(MU)
-    LOOKS[0] = 280
-    with pytest.raises(KeyboardInterrupt) as caught:
-        plan.run(starts, t_end=4.0, checkpoint=file, checkpoint_every=0.0)
-    whole, told = plan.run(starts, t_end=4.0), caught.value.trajectory  # type: ignore[attr-defined]
-    assert told.carry.t[0] == 4.0 and told.carry.t[3] == 0.0
-    for part in (told, lm.Trajectory.load(file)):
-        assert np.array_equal(part.t[-1], part.carry.t)
-        rest = plan.resume(part, t_end=4.0)
-        assert np.array_equal(rest.mu[-1], whole.mu[-1])
-        assert np.array_equal(part.then(rest).t[-1], np.full(4, 4.0))
-
-
-@pytest.mark.parametrize("times", [[0.0, 1.0, 3.0], [2.9, 3.0]])
-@pytest.mark.parametrize("stepping", [{"h": 0.1}, {"rtol": 1e-6}])
-def test_a_body_that_an_event_has_ended_stays_there(stepping: Any, times: list[float]) -> None:
-    """At its place then, for all samples to come, and not at the last one that was asked for."""
-    method = lm.StormerVerlet() if "h" in stepping else DP5
-    plan = lm.Plan(KEPLER, method, events=axis(2), compiled=False, **stepping)
-    runs = plan.run(ORBITS, t_end=3.0, t_eval=times)
-    ended, place = runs.events[0][1]
-    assert len(ended) == 2 and ended[-1] < 2.9
-    assert runs.t[-1, 1] == ended[-1] and np.array_equal(runs.q[-1, 1], place.q[-1])
-    assert runs.t[-1, 0] == 3.0
-
-
-def test_events_of_every_body(tmp_path: Path) -> None:
-    """The orbits end at their second crossing, each at its own time; those that went on go on."""
-    for how, span in (
-        (dict(h=0.1), dict(steps=30)),
-        (dict(h=[0.1, 0.05, 0.15]), dict(t_end=3.0)),
-        (dict(rtol=1e-4), dict(t_end=3.0, t_eval=[0.0, 1.0, 2.0, 3.0])),
-    ):
-        method = lm.StormerVerlet() if "h" in how else DP5
-        plan = lm.Plan(KEPLER, method, events=[axis(), axis(2)], compiled=False, **how)
-        runs = plan.run(ORBITS, **span)
-        assert runs.t.shape == (len(runs), 3) and runs.t[-1, 1] < 3.0 - 0.1
-        for i in range(3):
-            own = {name: np.broadcast_to(x, 3)[i].item() for name, x in how.items()}
-            alone = lm.Plan(KEPLER, method, events=[axis(), axis(2)], compiled=False, **own)
-            run = alone.run(KEPLER.state(q=Q[i], p=P[i]), **span)
-            for k in range(2):
-                assert np.array_equal(runs.events[k][i][0], run.events[k][0])
-                assert np.array_equal(runs.events[k][i][1].q, run.events[k][1].q)  # type: ignore[attr-defined]
-            if "h" in how or "t_eval" in span:
-                assert np.array_equal(runs.q[: len(run), i], run.q)
-                assert np.array_equal(runs.t[: len(run), i], run.t)
-        assert runs.t[-1, 1] == runs.events[1][1][0][1]  # type: ignore[index]
-        again = saved(runs, tmp_path)
-        assert np.array_equal(again.events[0][2][0], runs.events[0][2][0])
-        rest = plan.resume(again, **({"steps": 5} if "steps" in span else {"t_end": 3.6}))
-        assert "h" not in how or rest.t[-1, 1] == runs.t[-1, 1]  # it had ended
-        assert runs.then(rest).t[-1, 0] > 3.0
-
-
-def test_bodies_with_steps_of_their_own_meet_at_times() -> None:
-    plan = lm.Plan(BODY, lm.RKMK(order=4), h=[0.1, 0.05, 0.2, 0.025], compiled=False)
-    asked = plan.run(STARTS, steps=15, t_eval=[0.0, 0.13, 0.3])
-    met, rest = plan.run(STARTS, t_end=1.0), None
-    assert asked.t.shape == (3,) and np.array_equal(met.t[-1], np.full(4, 1.0))
-    for i, h in enumerate((0.1, 0.05, 0.2, 0.025)):
-        alone = lm.Plan(BODY, lm.RKMK(order=4), h=h, compiled=False)
-        assert np.array_equal(asked.mu[:, i], alone.run(of(i), steps=15, t_eval=[0.0, 0.13, 0.3]).mu)
-        run = alone.run(of(i), t_end=1.0)
-        assert np.array_equal(met.mu[: len(run), i], run.mu)
-        assert np.array_equal(met.t[: len(run), i], run.t)
-        assert np.array_equal(met.mu[-1, i], run.mu[-1])
-        rest = plan.resume(met, t_end=1.6) if rest is None else rest
-        assert np.array_equal(rest.mu[-1, i], alone.run(of(i), t_end=1.6).mu[-1])
-    with pytest.raises(InvalidInput, match=r"t_end = 0.3; fixed steps"):
-        plan.run(STARTS, t_end=0.3)
-
-
 @pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
 def test_every_body_has_a_method_of_its_own(compiled: bool, tmp_path: Path) -> None:
     """Moser-Veselov steps fitted to the motion of each."""
@@ -178,55 +66,6 @@ def test_every_body_has_a_method_of_its_own(compiled: bool, tmp_path: Path) -> N
         lm.integrate(BODY, methods, BODY.state(MU[:2]), h=0.1, steps=3)
     with pytest.raises(InvalidInput, match="differ in numbers only; method 1"):
         lm.Plan(BODY, [lm.RKMK(order=4), DP5], 0.1)
-
-
-def test_tolerances_of_every_body() -> None:
-    rtol = [1e-3, 1e-5, 1e-7, 1e-9]
-    runs = lm.integrate(BODY, DP5, STARTS, t_end=2.0, rtol=rtol, max_step=[0.1, 9.0, 9.0, 9.0])
-    for i, tolerance in enumerate(rtol):
-        alone = lm.integrate(BODY, DP5, of(i), t_end=2.0, rtol=tolerance, max_step=9.0 if i else 0.1)
-        assert np.array_equal(runs.mu[-1, i], alone.mu[-1])
-    with pytest.raises(InvalidInput, match="rtol must be positive"):
-        lm.integrate(BODY, DP5, STARTS, t_end=2.0, rtol=[1e-3, 1e-3, 1e-3, -1.0])
-    with pytest.raises(InvalidInput, match="rtol has 2 numbers for 4 bodies"):
-        lm.integrate(BODY, DP5, STARTS, t_end=2.0, rtol=[1e-3, 1e-3])
-
-
-@pytest.mark.sample(3)
-@pytest.mark.parametrize("systems", [KEPLER, [lm.Kepler(1.0 + 0.1 * i) for i in range(3)]], ids=str)
-@pytest.mark.parametrize("methods", [TIMED[1], TIMED], ids=["one", "of each"])
-@pytest.mark.parametrize("how", [dict(steps=12), dict(t_end=0.8), dict(t_end=0.8, t_eval=[0.1, 0.5])])
-def test_every_body_has_a_fictive_clock_of_its_own(
-    systems: Any, methods: Any, how: dict[str, Any], tmp_path: Path
-) -> None:
-    plan = lm.Plan(systems, methods, 0.05, compiled=False)
-    runs = plan.run(ORBITS, **how)
-    longer = {"steps": 24} if "steps" in how else {"t_end": 1.2}
-    rest = plan.resume(saved(runs, tmp_path), **(longer if "t_end" in longer else how))
-    for i in range(3):
-        system, method = (x[i] if isinstance(x, list) else x for x in (systems, methods))
-        single = lm.Plan(system, method, 0.05, compiled=False)
-        start = system.state(q=Q[i], p=P[i])
-        alone = single.run(start, **how)
-        n = len(alone)
-        assert np.array_equal(runs.q[:n, i], alone.q) and np.array_equal(runs.p[:n, i], alone.p)
-        assert np.array_equal(np.broadcast_to(runs.t.T, (3, len(runs)))[i, :n], alone.t)
-        assert np.array_equal(rest.q[-1, i], single.run(start, **longer).q[-1])
-    assert runs.drift()["energy"].largest < 0.2
-
-
-def test_a_body_that_fails_disturbs_no_other() -> None:
-    """A planet falls into the sun, the others pass."""
-    falling = KEPLER.state(q=[[0.6, 0.0], [0.5, 0.0]], p=[[0.0, 1.4], [0.0, 0.0]])
-    plan = lm.Plan(KEPLER, DP5, rtol=1e-6, compiled=False)
-    with pytest.warns(RuntimeWarning, match="1 of 2 bodies stopped early: body 1"):
-        runs = plan.run(falling, t_end=2.0)
-    alone = plan.run(KEPLER.state(q=[0.6, 0.0], p=[0.0, 1.4]), t_end=2.0)
-    assert [*runs.stopped] == [1] and np.array_equal(runs.q[-1, 0], alone.q[-1])
-    with pytest.warns(RuntimeWarning, match="1 of 2 bodies stopped early"):
-        rest = plan.resume(runs, t_end=3.0)
-    assert [*rest.stopped] == [1] and np.array_equal(rest.q[-1, 1], runs.q[-1, 1])
-    assert np.array_equal(rest.q[-1, 0], plan.resume(alone, t_end=3.0).q[-1])
 
 
 def test_clocks_that_part_and_one_that_stands_still(tmp_path: Path) -> None:

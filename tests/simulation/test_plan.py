@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import copy
-import pickle
-import threading
 from typing import Any
 
 import numpy as np
 import pytest
-from scenes import CAYLEY, asymmetric_body, same_bits
 
 import liemech as lm
 from liemech.compiler import kernel
@@ -27,9 +23,6 @@ METHODS = {
     "kept force": (lm.StormerVerlet(), lm.Kepler(), lm.Kepler().state(q=[0.4, 0.0], p=[0.0, 2.0])),
     "field": (lm.LieVerlet(), TOP, TOP.state(mu=[0.1, 0.2, 5.0], g=np.eye(3))),
 }
-WORLDS = pytest.mark.parametrize(
-    "compiled", [False, pytest.param(True, marks=pytest.mark.compiled)], ids=["plain", "compiled"]
-)
 CASES = pytest.mark.parametrize("case", METHODS)
 
 
@@ -37,52 +30,6 @@ def same(a: lm.Trajectory, b: lm.Trajectory, rows: Any = slice(None)) -> bool:
     """Bit for bit, and the same times."""
     parts = [np.array_equal(x, b.states[name][rows]) for name, x in a.states.items()]
     return all(parts) and np.array_equal(a.t, b.t[rows])
-
-
-@pytest.mark.sample(2)
-@CASES
-@WORLDS
-def test_a_resumed_run_has_the_bits_of_one_that_never_stopped(case: str, compiled: bool) -> None:
-    method, system, start = METHODS[case]
-    plan = lm.Plan(system, method, 0.05, compiled=compiled)
-    whole = plan.run(start, steps=60, t0=0.3)
-    assert same(whole, lm.integrate(system, method, start, h=0.05, steps=60, t0=0.3, compiled=compiled))
-    part = plan.run(start, steps=17, t0=0.3)
-    for n in (1, 0, 42):
-        last, part = part, plan.resume(part, steps=n)
-        assert np.array_equal(part.t[0], last.t[-1])
-    assert same(part, whole, slice(18, None))
-
-
-@pytest.mark.sample(3)
-@CASES
-@WORLDS
-def test_single_steps_are_those_of_a_run(case: str, compiled: bool) -> None:
-    method, system, start = METHODS[case]
-    plan = lm.Plan(system, method, 0.05, compiled=compiled)
-    run = plan.run(start, steps=9)
-    first = carry = plan.begin(start)
-    for k in range(1, 6):
-        carry = plan.step(carry)
-        assert carry.t == run.t[k]
-        assert all(np.array_equal(np.array(x), run.states[name][k]) for name, x in carry.state.parts.items())
-    carry = plan.step(carry, 4)
-    assert carry.t == run.t[9]
-    # what was carried before is as it was
-    assert np.array_equal(carry.last, plan.step(first, 9).last)
-
-
-@pytest.mark.slow
-@pytest.mark.compiled
-def test_ensembles_resume_too() -> None:
-    plan = lm.Plan(BODY, lm.CovariantVariational(lm.Cayley()), 0.05)
-    starts = BODY.state(mu=np.random.default_rng(1).normal(size=(21, 3)), g=np.eye(3))
-    whole = plan.run(starts, steps=40)
-    assert same(plan.resume(plan.run(starts, steps=13), steps=27), whole, slice(13, None))
-    carry = plan.step(plan.begin(starts), 40)
-    assert np.array_equal(carry.state.mu, whole.mu[-1])
-    plain = plan.replace(compiled=False)
-    assert same(plain.resume(plan.run(starts, steps=30), steps=10), whole, slice(30, None))
 
 
 @lm.record
@@ -104,15 +51,6 @@ def test_a_body_that_stopped_stays_so_when_the_others_go_on() -> None:
         rest = plan.resume(run, steps=4)
     assert rest.mu[:, :, 0].T.tolist() == [[5.0, 6.0, 7.0, 8.0, 9.0], [10.0] * 5]
     assert "no further" in str(rest.stopped[1].error)
-
-
-def test_a_plan_and_its_runs_can_be_copied() -> None:
-    plan = lm.Plan(BODY, lm.CovariantVariational(lm.Cayley()), 0.05, compiled=False)
-    part, whole = plan.run(START, steps=20), plan.run(START, steps=30)
-    for again in (pickle.loads(pickle.dumps(part)), copy.deepcopy(part)):
-        assert same(again, part)
-        assert same(plan.resume(again, steps=10), whole, slice(20, None))
-    assert same(pickle.loads(pickle.dumps(plan)).run(START, steps=30), whole)
 
 
 @pytest.mark.slow
@@ -182,22 +120,6 @@ class Stretched(lm.Hamiltonian):
         return FACTOR * (mu[0] * mu[0] + 2.0 * mu[1] * mu[1])
 
 
-@pytest.mark.compiled
-def test_threads_share_a_plan() -> None:
-    plan = lm.Plan(BODY, lm.CovariantVariational(lm.Cayley()), 0.01, compiled=True)
-    starts = [BODY.state(mu=mu, g=np.eye(3)) for mu in np.random.default_rng(5).normal(size=(8, 3))]
-    alone = [plan.run(start, steps=4000) for start in starts]
-    found: dict[int, lm.Trajectory] = {}
-    threads = [
-        threading.Thread(target=lambda i=i: found.update({i: plan.run(starts[i], steps=4000)})) for i in range(8)
-    ]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert all(same(found[i], alone[i]) for i in range(8))
-
-
 # ------------------------------------------------------------------ to a last time
 
 
@@ -228,23 +150,6 @@ def test_adaptive_runs_resume_with_their_controller() -> None:
 
 
 # ------------------------------------------------------------------ samples at any time
-
-
-@WORLDS
-def test_samples_at_any_time(compiled: bool) -> None:
-    """At the ends of steps their bits; between them the accuracy of the method."""
-    plan = lm.Plan(BODY, lm.RKMK(order=4), 0.1, compiled=compiled)
-    whole = plan.run(START, steps=50)
-    times = np.array([0.0, 0.0, 0.05, 0.3, 0.31, 0.39, 4.99, 5.0])
-    run = plan.run(START, steps=50, t_eval=times)
-    assert np.array_equal(run.t, times)
-    assert np.array_equal(run.mu[[0, 1, 3, 7]], whole.mu[[0, 0, 3, 50]])
-    exact = BODY.exact(START, times)
-    worst = np.abs(whole.mu - BODY.exact(START, whole.t).mu).max()
-    assert np.abs(run.mu - exact.mu).max() <= 2.0 * worst
-    assert np.abs(run.g - exact.g).max() <= 4.0 * worst
-    assert np.array_equal(whole.at(times[2:3]).mu, run.mu[2:3])
-    assert same(plan.resume(run, steps=5), plan.run(START, steps=55), slice(50, None))
 
 
 def test_samples_between_steps_have_the_order_of_the_method() -> None:
@@ -297,32 +202,6 @@ def test_a_symplectic_method_finds_events() -> None:
     assert np.array_equal(run.events[1][0], rising)
     alone = lm.integrate(BODY, method, start, h=0.04, steps=40, compiled=False)
     assert np.array_equal(run.mu[:41], alone.mu) and np.array_equal(run.g[:41], alone.g)
-
-
-def test_a_terminal_event_ends_steps_of_one_length() -> None:
-    start = BODY.state(mu=[0.4, 1.0, 0.1], g=np.eye(3))
-    method = lm.RKMK(order=4)
-    free = lm.integrate(BODY, method, start, h=0.1, steps=200, events=crossing(), compiled=False)
-    ended = lm.integrate(BODY, method, start, h=0.1, steps=200, every=10, events=crossing(terminal=2), compiled=False)
-    assert ended.t[-1] == free.events[0][0][1] == ended.events[0][0][-1]
-    assert np.array_equal(ended.t[:-1], free.t[: 10 * (len(ended) - 1) : 10])
-    assert np.array_equal(ended.mu[-1], free.events[0][1].mu[1])
-
-
-class Even(Limited):
-    """Of a motion that is as even between the ends of the steps."""
-
-    def step(self, system: Any, t: float, state: Any, h: float) -> Any:
-        return lm.BodyState(state.mu + h * (super().step(system, t, state, h).mu - state.mu), state.g)
-
-
-def test_a_failing_run_with_events_keeps_its_samples() -> None:
-    start = BODY.state(mu=[-3.0, 0.0, 0.0])
-    with pytest.raises(lm.errors.IntegrationFailure, match="no further") as caught:
-        lm.integrate(BODY, Even(), start, h=1.0, steps=40, events=lambda t, state: state.mu[0] - 0.5, compiled=False)
-    run = caught.value.trajectory
-    assert run.mu[:, 0].tolist() == [*np.arange(-3.0, 11.0)]
-    assert len(run.events[0][0]) == 1
 
 
 # ------------------------------------------------------------------ jumps and longest steps
@@ -384,59 +263,3 @@ def test_an_event_is_looked_at_in_every_run() -> None:
     crossing.terminal = "yes"  # type: ignore[attr-defined]
     with pytest.raises((InvalidInput, TypeError), match="terminal"):
         run()
-
-
-OUTSIDE = [1.0]
-
-
-@lm.record
-class Pulled(lm.SeparableSystem):
-    """A spring whose stiffness lies outside."""
-
-    degrees = 1
-
-    def kinetic(self, p: lm.Vec) -> float:
-        return 0.5 * p[0] * p[0]
-
-    def potential(self, q: lm.Vec) -> float:
-        return 0.5 * OUTSIDE[0] * q[0] * q[0]
-
-
-@pytest.mark.compiled
-def test_a_step_sees_what_has_changed_outside() -> None:
-    results = []
-    for compiled in (False, True):
-        OUTSIDE[0] = 1.0
-        system = Pulled()
-        plan = lm.Plan(system, lm.StormerVerlet(), 0.1, compiled=compiled, progress=False)
-        carry = plan.step(plan.begin(system.state(1.0, 0.0)), 2)
-        OUTSIDE[0] = 3.0
-        results.append(np.array(plan.step(carry, 5).state.q))
-    assert np.array_equal(*results)
-
-
-def test_writing_to_the_samples_of_an_ensemble_does_not_change_how_it_goes_on() -> None:
-    mu = np.random.default_rng(0).normal(size=(3, 3))
-    plan = lm.Plan(BODY, lm.RKMK(order=4), 0.1, compiled=False, progress=False)
-    run = plan.run(BODY.state(mu, np.broadcast_to(np.eye(3), (3, 3, 3))), steps=7)
-    wanted = plan.resume(run, steps=3)
-    assert np.array_equal(wanted.mu[0], run.mu[-1])
-    mu, g = wanted.mu.copy(), wanted.g.copy()
-    run.mu[:] = 0.0
-    run.g[:] = np.nan
-    again = plan.resume(run, steps=3)
-    assert np.array_equal(again.mu, mu)
-    assert np.array_equal(again.g, g)
-
-
-@pytest.mark.parametrize("compiled", [False, pytest.param(None, marks=pytest.mark.compiled)])
-def test_a_run_goes_on_from_where_it_stood(compiled: Any) -> None:
-    body, start = asymmetric_body()
-    plan = lm.Plan(body, CAYLEY, 0.1, compiled=compiled)
-    for _ in range(2):  # prepared, and then at once
-        whole, half = plan.run(start, steps=8), plan.run(start, steps=4)
-        half.mu[:] *= 1000.0
-        rest = plan.resume(half, steps=4)
-        rest.g[:] *= 1000.0
-        assert same_bits(rest.mu, whole.mu[4:])
-        assert same_bits(plan.resume(half, steps=4).g, whole.g[4:])

@@ -53,14 +53,6 @@ def test_what_was_refused_is_refused_again() -> None:
                 plan.run(start, **run)
 
 
-def test_the_carry_is_not_that_of_samples_that_were_written_to() -> None:
-    plan = lm.Plan(BODY, lm.RKMK(order=4), 0.1, compiled=True)
-    kept, written = once_more(plan, START, steps=10), once_more(plan, START, steps=10)
-    written.mu[:] = np.nan
-    assert written.mu is written.states["mu"]
-    np.testing.assert_array_equal(plan.resume(written, steps=10).mu, plan.resume(kept, steps=10).mu)
-
-
 def test_another_body_of_the_same_kind_is_not_the_one_before() -> None:
     plan = lm.Plan(BODY, lm.RKMK(order=4), 0.1, record=("mu",), compiled=True)
     once_more(plan, START, steps=20)

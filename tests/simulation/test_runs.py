@@ -4,6 +4,7 @@ control x bodies x observer, against the public face.
 
 from __future__ import annotations
 
+import copy
 import pickle
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -26,6 +27,9 @@ TABLE = replace(scenes.TABLE, names=("mu", "g"))
 
 BY_STEPS = EQUAL, COVARIANT, TABLE, FICTIVE_STEPS
 """Runs of a number of steps."""
+
+OF_ALL_KINDS = tuple(s for s in scenes.METHODS if not s.by_time)
+"""A method of each kind: explicit, with memories, on constraints, in fictive time, ..."""
 
 BY_TIME = TOLERANCE, TABLE_TOLERANCE, FICTIVE
 """Runs to a time."""
@@ -147,7 +151,7 @@ def test_native_code_gives_the_bits_of_plain_python(scene: Scene, bodies: int, o
 
 @pytest.mark.sample(10)
 @over(*ALL, *BACK)
-@watched(*WATCHED)
+@watched(*WATCHED, "ends+t_eval")
 def test_bodies_of_an_ensemble_go_as_alone(scene: Scene, observer: str) -> None:
     """Samples, events, and where a terminal event has ended it."""
     together, singles = whole(scene, 3, observer), []
@@ -304,12 +308,21 @@ def test_a_run_of_many_pieces_is_one(scene: Scene, bodies: int) -> None:
 # ---------------------------------------------------------------- going on
 
 
+IN_PARTS = [
+    *(
+        pytest.param(s, name, id=f"{s.name}, {name}")
+        for s in BY_STEPS
+        for name in ("every", "functions", "events", "events+t_eval")
+    ),
+    *(pytest.param(s, "all", id=f"{s.name}, all") for s in (*BY_STEPS, *OF_ALL_KINDS)),
+]
+
+
 @pytest.mark.sample(8)
-@over(*BY_STEPS)
+@pytest.mark.parametrize(("scene", "observer"), IN_PARTS)
 @BODIES
-@watched("all", "every", "functions", "events", "events+t_eval")
 def test_a_run_in_two_parts_is_the_whole_one(scene: Scene, bodies: int, observer: str) -> None:
-    """By its file and by its pickle too."""
+    """By its pickle and by its copy too."""
     plan, (_, first, rest, times) = plan_of(scene, observer), scene.spans({})
     early: dict[str, Any] = {}
     late: dict[str, Any] = {}
@@ -321,7 +334,7 @@ def test_a_run_in_two_parts_is_the_whole_one(scene: Scene, bodies: int, observer
         late["t_eval"] = times[len(early["t_eval"]) :]
     one = whole(scene, bodies, observer)
     begun = plan.run(scene.start(bodies), **first, **early)
-    for before in (begun, pickle.loads(pickle.dumps(begun))):
+    for before in (begun, pickle.loads(pickle.dumps(begun)), copy.deepcopy(begun)):
         joined = before.then(plan.resume(before, **rest, **late))
         kept = slice(None)
         if observer == "every":  # where the first part ends is a sample of the joined run
@@ -351,7 +364,8 @@ def test_what_goes_on_from_a_file_goes_on_as_it_did(scene: Scene, bodies: int, o
         same_runs(plan.resume(again, **rest, **late), wanted)
 
 
-@over(*BY_STEPS)
+@pytest.mark.sample(4)
+@over(*BY_STEPS, *OF_ALL_KINDS)
 @BODIES
 @WORLDS
 def test_steps_by_hand_are_those_of_a_run(scene: Scene, bodies: int, compiled: bool) -> None:
@@ -359,7 +373,7 @@ def test_steps_by_hand_are_those_of_a_run(scene: Scene, bodies: int, compiled: b
     run = whole(scene, bodies, "all", compiled)
     plan, start = plan_of(scene, compiled=compiled), scene.start(bodies)
     stepper, carry = plan.stepper(start), plan.begin(start)
-    for n in range(1, 12):
+    for n in range(1, scene.first + 1):
         stepper.step()
         carry = plan.step(carry)
         assert same(stepper.t, run.t[n]) and same(carry.t, run.t[n]) and stepper.steps == n
@@ -367,11 +381,11 @@ def test_steps_by_hand_are_those_of_a_run(scene: Scene, bodies: int, compiled: b
             assert same(stepper.state.arrays[name], x[n]), name
             assert same(carry.state.arrays[name], x[n]), name
     for here in (stepper, plan.stepper(carry)):
-        rest = plan.resume(here, steps=13)
+        rest = plan.resume(here, steps=scene.rest)
         assert same(rest.t[-1], run.t[-1])
         for name, x in run.states.items():
-            assert same(rest.states[name], x[11:]), name
-    stepper.step(13)
+            assert same(rest.states[name], x[scene.first :]), name
+    stepper.step(scene.rest)
     for name, x in run.states.items():
         assert same(stepper.state.arrays[name], x[-1]), name
 

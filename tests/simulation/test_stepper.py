@@ -79,16 +79,6 @@ def test_it_stands_where_the_run_was(case: str, compiled: bool) -> None:
     stands(again, run, 12)
 
 
-def test_an_ensemble_is_stepped_too() -> None:
-    plan = lm.Plan(BODY, lm.RKMK(order=4), 0.05, compiled=False)
-    starts = BODY.state(mu=np.random.default_rng(1).normal(size=(5, 3)))
-    stepper = plan.stepper(starts, t0=2.0)
-    stepper.step(3)
-    run = plan.run(starts, steps=3, t0=2.0)
-    assert np.array_equal(stepper.mu, run.mu[-1]) and stepper.t == run.t[-1]
-    assert stepper.g is None
-
-
 @pytest.mark.compiled
 def test_native_code_takes_over_when_it_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
     plan, start = plan_of("explicit", None)
@@ -288,14 +278,3 @@ def test_what_is_no_step_of_this_plan_is_refused() -> None:
         ending.stepper(ending.run(start, steps=3000))
     with pytest.raises(IncompatibleSystem, match="leave out max_step for steps of length h"):
         lm.Plan(BODY, lm.RKMK(order=4), 0.1, max_step=0.1, breaks=[0.5])
-
-
-def test_it_goes_on_from_another_one() -> None:
-    plan, start = plan_of("explicit", False)
-    stepper, run = plan.stepper(start, t0=0.0), plan.run(start, steps=3)
-    stepper.step(2)
-    other = plan.stepper(stepper)
-    other.step()
-    stands(other, run, 3)
-    assert np.array_equal(plan.step(stepper).last, other.carry.last)
-    stands(stepper, run, 2)

@@ -433,10 +433,10 @@ GOALS = (
     Goal("R15", "10^4 steps forth and back: 1e-11", reversed_runs, "`tests/long/test_rounding.py`"),
     Goal(
         "R16", "restart from any checkpoint: same bits",
-        tests("simulation/test_archive.py", "simulation/test_plan.py", "-k", "resumed_run or saved_run"),
-        "`tests/simulation/test_archive.py`, `tests/simulation/test_plan.py`",
+        tests("simulation/test_archive.py", "simulation/test_runs.py", "-k", "two_parts or saved_run"),
+        "`tests/simulation/test_archive.py`, `tests/simulation/test_runs.py`",
     ),
-    Goal("R17", "threads, ensembles, processes: same bits", workers, "`tests/simulation/test_plan.py`, here"),
+    Goal("R17", "threads, ensembles, processes: same bits", workers, "`tests/simulation/test_threads.py`, here"),
     Goal("R18", "units changed by powers of two: same bits", powers_of_two, "`tests/simulation/test_integrate.py`, here"),
     Goal("R19", "any bad input answered within 1 s", bad_inputs, "`tests/calls/test_table_of_bad_input.py`"),
     Goal("R20", "random calls: no NaN, no bare error", fuzz, "`tests/calls/test_calls.py`, here"),

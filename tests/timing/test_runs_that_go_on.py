@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -37,18 +35,6 @@ def assert_same(a: lm.Trajectory, b: lm.Trajectory, but: float = np.nan) -> None
 
 
 @pytest.mark.parametrize(("system", "method"), PAIRS)
-@pytest.mark.parametrize("every", [1, 3])
-def test_steps_go_on_bit_for_bit(system: lm.System, method: lm.Method, every: int) -> None:
-    prepared = plan(system, method, every=every)
-    whole, first = prepared.run(ORBIT, steps=39), prepared.run(ORBIT, steps=18)
-    again = pickle.loads(pickle.dumps(first))
-    for begun in (first, again):
-        joined = begun.then(prepared.resume(begun, steps=21))
-        assert_same(joined, whole)
-        assert joined.steps == 39 and np.array_equal(joined.at(0.3).q, whole.at(0.3).q)
-
-
-@pytest.mark.parametrize(("system", "method"), PAIRS)
 def test_a_run_to_a_time_goes_on_as_if_it_had_not_stopped(system: lm.System, method: lm.Method) -> None:
     """The shorter step to the first t_end leads to a sample; the motion goes on from the last whole step."""
     prepared = plan(system, method)
@@ -78,20 +64,6 @@ def test_times_that_are_asked_for_after_a_stop() -> None:
     some = prepared.resume(first, t_end=5.0, t_eval=[2.0, 3.3, 5.0])
     assert np.array_equal(some.t, [2.0, 3.3, 5.0]) and np.array_equal(some.q[0], first.q[-1])
     assert np.abs(some.q - prepared.run(ORBIT, t_end=5.0).at([2.0, 3.3, 5.0]).q).max() < 1e-13
-
-
-def test_ensembles_go_on_in_files_and_on_workers(tmp_path: Path) -> None:
-    speeds = np.linspace(0.9, 1.3, 5)
-    starts = KEPLER.state(q=[[1.0, 0.0]] * 5, p=np.column_stack([0.0 * speeds, speeds]))
-    for prepared in (plan(), plan(lm.TimeTransformed(KEPLER, lm.time_scales.DistancePower(1.5)), lm.AdaptiveVerlet())):
-        whole, first = prepared.run(starts, steps=12), prepared.run(starts, steps=5)
-        first.save(tmp_path / "runs.npz")
-        kept = lm.Trajectory.load(tmp_path / "runs.npz")
-        assert first.t.shape == (6, 5) and np.array_equal(kept.carry.t, first.t[-1])
-        with ThreadPoolExecutor(2) as executor:
-            spread = prepared.run(starts, steps=5, executor=executor)
-        for begun in (first, kept, spread):
-            assert_same(begun.then(prepared.resume(begun, steps=7)), whole)
 
 
 @pytest.mark.parametrize(("system", "method"), PAIRS)
@@ -184,19 +156,6 @@ def test_terminal_events_and_directions_and_events_that_fail(tmp_path: Path) -> 
     told: lm.Trajectory = mistake.value.trajectory  # type: ignore[attr-defined]
     assert_same(told, plan().run(ORBIT, steps=len(told) - 1))
     assert 0.9 < told.t[-1] < 1.0
-
-
-@pytest.mark.parametrize(("system", "method"), PAIRS)
-def test_step_by_step(system: lm.System, method: lm.Method) -> None:
-    prepared = plan(system, method)
-    run, carry = prepared.run(ORBIT, steps=6, t0=2.0), prepared.begin(ORBIT, 2.0)
-    assert carry.t == 2.0
-    for k in range(1, 5):
-        carry = prepared.step(carry)
-        assert carry.t == run.t[k] and np.array_equal(np.array(carry.state.p), run.p[k])
-    carry = pickle.loads(pickle.dumps(carry))
-    equal = plan(system, method)  # another plan of the same
-    assert np.array_equal(np.array(equal.step(carry, 2).state.q), run.q[6])
 
 
 def test_carries_of_equal_plans_and_of_others() -> None:

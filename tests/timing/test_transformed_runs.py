@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import pickle
-
 import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.errors import IncompatibleSystem, IntegrationFailure, IntegrationInterrupted, InvalidInput, StepTooSmall
+from liemech.errors import IncompatibleSystem, IntegrationFailure, InvalidInput, StepTooSmall
 
 KEPLER = lm.Kepler()
 ORBIT = KEPLER.pericentre(0.6)
@@ -44,15 +42,6 @@ def test_a_time_between_two_steps_is_where_a_run_to_it_ends() -> None:
         whole.at(7.4)
 
 
-def test_times_asked_for() -> None:
-    t = np.linspace(0.0, 7.3, 12)
-    some, whole = run(t_end=7.3, t_eval=t), run(t_end=7.3)
-    assert np.array_equal(some.t, t) and some.q.shape == (12, 2) and (np.diff(some.tau) > 0.0).all()
-    assert np.abs(some.q - whole.at(t).q).max() < 1e-14 and np.array_equal(some.q[-1], whole.q[-1])
-    assert np.abs(some.at(3.1).q - whole.at(3.1).q).max() < 1e-14
-    assert np.interp(t[5], whole.t, whole.tau) == pytest.approx(some.tau[5], abs=1e-3)
-
-
 def test_backwards_and_from_another_time() -> None:
     there = lm.integrate(KEPLER, METHOD, ORBIT, h=0.01, t0=2.0, t_end=5.0)
     assert there.t[0] == 2.0 and there.t[-1] == 5.0
@@ -61,16 +50,6 @@ def test_backwards_and_from_another_time() -> None:
     # z begins anew, so the steps differ, but not the motion
     assert np.abs(back.q[-1] - np.array(ORBIT.q)).max() < 1e-6
     assert np.abs(back.q[1] - there.at(3.0).q).max() < 1e-3
-
-
-@pytest.mark.slow
-@pytest.mark.compiled
-def test_native_code_finds_the_same_states_between_the_steps() -> None:
-    t = np.linspace(0.0, 7.3, 12)
-    plain, native = (
-        lm.integrate(KEPLER, METHOD, ORBIT, h=0.05, t_end=7.3, t_eval=t, compiled=c) for c in (False, True)
-    )
-    assert native.compiled and np.array_equal(plain.q, native.q) and np.array_equal(plain.tau, native.tau)
 
 
 def test_what_is_recorded_and_summed_up_is_chosen() -> None:
@@ -83,13 +62,6 @@ def test_what_is_recorded_and_summed_up_is_chosen() -> None:
     bare = lm.integrate(body, method, start, h=0.1, t_end=2.0, compensated=False, compiled=False)
     assert 0.0 < np.abs(bare.mu - with_g.mu).max() < 1e-14
     assert np.abs(with_g.at(1.3).g.T @ with_g.at(1.3).g - np.eye(3)).max() < 1e-14
-
-
-def test_a_run_may_be_pickled() -> None:
-    whole = run(t_end=3.0)
-    again = pickle.loads(pickle.dumps(whole))
-    assert np.array_equal(again.q, whole.q) and np.array_equal(again.t, whole.t)
-    assert np.array_equal(again.at(1.7).q, whole.at(1.7).q) and repr(again) == repr(whole)
 
 
 @pytest.mark.slow
@@ -116,21 +88,6 @@ def test_what_a_run_in_fictive_time_has_not() -> None:
     inside = lm.KickDrift(lm.ReversibleController(lm.CovariantVariational(lm.Cayley()), lm.time_scales.EqualArc()))
     with pytest.raises(IncompatibleSystem, match="take one"):
         lm.integrate(top, inside, top.state(mu=[0.3, 0.0, 1.5], g=np.eye(3)), h=0.1, steps=1)
-
-
-def test_ctrl_c_keeps_the_samples() -> None:
-    calls = []
-
-    def sigma(q: lm.Vec) -> float:
-        calls.append(0)
-        if len(calls) == 400:
-            raise KeyboardInterrupt
-        return 1.0
-
-    with pytest.raises(IntegrationInterrupted) as stopped:
-        method = lm.ReversibleController(lm.StormerVerlet(), sigma)
-        lm.integrate(KEPLER, method, ORBIT, h=0.05, t_end=1e3, compiled=False)
-    assert len(stopped.value.trajectory) > 10
 
 
 def test_a_mistake_in_sigma_is_raised_as_it_is() -> None:
