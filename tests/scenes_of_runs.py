@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
+from terms_of_spins import Exchange
 
 import liemech as lm
 from liemech.formulas import dot, vec
@@ -454,3 +455,18 @@ METHODS = (
     _method("controlled variational", BODY,
             lm.ReversibleController(lm.CovariantVariational(lm.Cayley()), lm.time_scales.EqualArc()), bodies_of, 0.2),
 )  # fmt: skip
+
+
+# ---------------------------------------------------------------- many sites
+
+
+def spins_of(count: int) -> dict[str, np.ndarray]:
+    """A ring of five, more than are written out."""
+    return {"mu": spread(5 * count, 3).reshape(count, 5, 3)}
+
+
+SPINS = lm.LiePoissonSystem(lm.SO3() ** 5, lm.Terms(Exchange(1.0).over(lm.neighbours.ring(5))))
+OF_SITES = (
+    _method("spins", SPINS, lm.RKMK(order=2), spins_of, 0.05),
+    _method("spins by colours", SPINS, lm.SublatticeSplitting(), spins_of, 0.05),
+)

@@ -28,8 +28,8 @@ TABLE = replace(scenes.TABLE, names=("mu", "g"))
 BY_STEPS = EQUAL, COVARIANT, TABLE, FICTIVE_STEPS
 """Runs of a number of steps."""
 
-OF_ALL_KINDS = tuple(s for s in scenes.METHODS if not s.by_time)
-"""A method of each kind: explicit, with memories, on constraints, in fictive time, ..."""
+OF_ALL_KINDS = (*(s for s in scenes.METHODS if not s.by_time), *scenes.OF_SITES)
+"""A method of each kind: explicit, with memories, on constraints, in fictive time, of many sites, ..."""
 
 BY_TIME = TOLERANCE, TABLE_TOLERANCE, FICTIVE
 """Runs to a time."""
@@ -48,7 +48,12 @@ WORLDS = pytest.mark.parametrize(
 def over(*table: Scene) -> Any:
     """A test for every one of these scenes."""
     names = [s.name + (" by steps" if s.name == "fictive" and not s.by_time else "") for s in table]
-    return pytest.mark.parametrize("scene", table, ids=names)
+    return pytest.mark.parametrize("scene", [pytest.param(s, marks=marks(s), id=name) for s, name in zip(table, names)])
+
+
+def marks(scene: Scene) -> Any:
+    """In plain Python a step by colours takes half a second."""
+    return [pytest.mark.slow] if scene.name == "spins by colours" else []
 
 
 def watched(*observers: str) -> Any:
@@ -314,7 +319,7 @@ IN_PARTS = [
         for s in BY_STEPS
         for name in ("every", "functions", "events", "events+t_eval")
     ),
-    *(pytest.param(s, "all", id=f"{s.name}, all") for s in (*BY_STEPS, *OF_ALL_KINDS)),
+    *(pytest.param(s, "all", marks=marks(s), id=f"{s.name}, all") for s in (*BY_STEPS, *OF_ALL_KINDS)),
 ]
 
 
@@ -323,6 +328,7 @@ IN_PARTS = [
 @BODIES
 def test_a_run_in_two_parts_is_the_whole_one(scene: Scene, bodies: int, observer: str) -> None:
     """By its pickle and by its copy too."""
+    require_steps(scene, bodies)
     plan, (_, first, rest, times) = plan_of(scene, observer), scene.spans({})
     early: dict[str, Any] = {}
     late: dict[str, Any] = {}
@@ -344,6 +350,11 @@ def test_a_run_in_two_parts_is_the_whole_one(scene: Scene, bodies: int, observer
             assert same(joined.states[name][kept], x), name
         for mine, theirs in zip(found(joined), found(one), strict=True):
             same_events(mine, theirs)
+
+
+def require_steps(scene: Scene, bodies: int) -> None:
+    if bodies > 1 and scene in scenes.OF_SITES:
+        pytest.skip("members of many sites have no steps by hand, nor do their runs go on")
 
 
 @over(*BY_TIME)
@@ -370,6 +381,7 @@ def test_what_goes_on_from_a_file_goes_on_as_it_did(scene: Scene, bodies: int, o
 @WORLDS
 def test_steps_by_hand_are_those_of_a_run(scene: Scene, bodies: int, compiled: bool) -> None:
     """`stepper`, `begin` and `step`, and runs that go on from either."""
+    require_steps(scene, bodies)
     run = whole(scene, bodies, "all", compiled)
     plan, start = plan_of(scene, compiled=compiled), scene.start(bodies)
     stepper, carry = plan.stepper(start), plan.begin(start)

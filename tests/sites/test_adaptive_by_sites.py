@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from test_runs_by_sites import chain, directions, native, spins
+from test_runs_by_sites import directions, native, spins
 
 import liemech as lm
 from liemech.errors import InvalidInput, StepTooSmall
@@ -121,16 +121,6 @@ class Exchanged(lm.Term):
 
     def energy(self, a: Any, b: Any) -> float:
         return -self.J * lm.dot(a.mu, b.mu)
-
-
-@pytest.mark.slow
-@native
-def test_attitudes() -> None:
-    system, start = chain()
-    found = lm.integrate(system, lm.RKMK(order=5), start, t_end=1.0, t_eval=[0.0, 0.4, 1.0], rtol=1e-9)
-    assert found.g.shape == (3, N, 3, 3)
-    assert np.abs(found.g @ np.swapaxes(found.g, -1, -2) - np.eye(3)).max() < 1e-13
-    assert np.ptp(found.energy) < 1e-7 * np.abs(found.energy[0])
 
 
 @pytest.mark.slow

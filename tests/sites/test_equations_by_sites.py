@@ -58,23 +58,15 @@ METHODS: tuple[Any, ...] = (
 @native
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_bits(method: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Those of plain Python, of 8 and 16 lanes, and of two workers."""
+    """Those of plain Python, of 1, 8 and 16 lanes, and of two workers."""
     monkeypatch.setattr("liemech.compiler.sites.site_calls.SHARE", 8)
     system, s = spins(), directions(N)
     site = system.site_form
     plain = run(method, site, s, None, 0.1, 2, 0)
-    for lanes in (8, 16) if method == METHODS[0] else (8,):
+    for lanes in (1, 8, 16) if method == METHODS[0] else (8,):
         assert np.array_equal(run(method, site, s, None, 0.1, 2, lanes), plain), lanes
     found = lm.integrate(system, method, system.state(mu=s), h=0.1, steps=2, workers=2)
     assert np.array_equal(found.mu[-1], plain[-1][:3].T)
-
-
-@native
-@pytest.mark.slow
-def test_bits_of_one_lane() -> None:
-    site, s = spins().site_form, directions(N)
-    plain, one = (run(METHODS[0], site, s, None, 0.1, 2, lanes) for lanes in (0, 1))
-    assert np.array_equal(one, plain)
 
 
 @pytest.mark.slow
@@ -109,20 +101,6 @@ def test_the_total_spin_is_kept_and_by_the_plain_midpoint_the_energy(method: Any
     total = found.mu.sum(axis=1)
     assert np.abs(total - total[0]).max() < 1e-12
     assert np.ptp(found.energy) < 1e-12 if not method.symplectic else np.ptp(found.energy) > 1e-4
-
-
-@pytest.mark.slow
-def test_by_sites_is_as_written_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    system = spins(3)
-    start = system.state(mu=directions(3))
-    for order in (2, 4):
-        way = {"h": 0.1, "steps": 4, "compiled": False, "progress": False}
-        method = lm.LiePoissonHamiltonJacobi(order=order)
-        written = lm.integrate(system, method, start, **way)
-        monkeypatch.setattr(lm.System, "small", 0)
-        by_sites = lm.integrate(system, method, start, **way)
-        monkeypatch.undo()
-        assert np.abs(written.mu - by_sites.mu).max() < 1e-14
 
 
 @pytest.mark.slow

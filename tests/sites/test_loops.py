@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 from hand_made import Everyone, Field, Springs, ring, run, spins, turned
-from scipy.integrate import solve_ivp
 
 import liemech as lm
 from liemech.compiler import kernel
@@ -43,48 +42,19 @@ def coupled(n: int = N) -> Any:
     return lm.MechanicalSystem(body, Springs(ring(n), 0.7))
 
 
-ON_MOMENTA = (
-    lm.RKMK(order=4),
-    lm.RKMK(order=4, truncation="closed"),
-    lm.RKMK(order=4, retraction=lm.Cayley()),
-    lm.CommutatorFree(order=4),
-    pytest.param(lm.RKMK(order=5), marks=pytest.mark.slow),
-    pytest.param(lm.RKMK(order=8), marks=pytest.mark.slow),
-    pytest.param(lm.CrouchGrossman(order=3), marks=pytest.mark.slow),
-)
-ON_BODIES = (
-    lm.KickDrift(),
-    lm.RKMK(order=2),
-    pytest.param(lm.LieVerlet(), marks=pytest.mark.slow),
-    pytest.param(lm.KickDrift(order=4), marks=pytest.mark.slow),
-    pytest.param(lm.Composition(lm.KickDrift(), order=4), marks=pytest.mark.slow),
-)
-
-
 @pytest.mark.slow
 @native
-@pytest.mark.parametrize("method", ON_MOMENTA, ids=repr)
-def test_bits_of_momenta(method: Any) -> None:
-    plain = run(method, field(), spins(N), None, 0.05, 2, 0)
-    for lanes in (1, 8, 16) if method == lm.RKMK(order=4) else (8,):
-        assert np.array_equal(run(method, field(), spins(N), None, 0.05, 2, lanes), plain), lanes
-
-
-SWEEPING = (
-    lm.RKMK(tableau=lm.tableaus.gauss(1)),
-    pytest.param(lm.RKMK(tableau=lm.tableaus.gauss(2)), marks=pytest.mark.slow),
-    pytest.param(lm.Isospectral(order=2), marks=pytest.mark.slow),
+@pytest.mark.parametrize(
+    "method",
+    [lm.RKMK(order=4), lm.RKMK(tableau=lm.tableaus.gauss(1)), lm.Isospectral(order=2), lm.KickDrift()],
+    ids=repr,
 )
-
-
-@pytest.mark.slow
-@native
-@pytest.mark.parametrize("method", SWEEPING, ids=repr)
-def test_bits_of_sweeps(method: Any) -> None:
-    """Equations of all sites together, solved by sweeps that settle for all at the same time."""
-    plain = run(method, field(), spins(N), None, 0.05, 2, 0)
-    for lanes in (1, 8, 16) if method == SWEEPING[0] else (8,):
-        assert np.array_equal(run(method, field(), spins(N), None, 0.05, 2, lanes), plain), lanes
+def test_bits_of_all_lanes(method: Any) -> None:
+    """Of momenta, of equations of all sites that sweeps solve, and of bodies."""
+    system, elements = (coupled(), turned(N)) if isinstance(method, lm.KickDrift) else (field(), None)
+    plain = run(method, system, spins(N), elements, 0.05, 2, 0)
+    for lanes in (1, 8, 16):
+        assert np.array_equal(run(method, system, spins(N), elements, 0.05, 2, lanes), plain), lanes
 
 
 @pytest.mark.slow
@@ -93,16 +63,6 @@ def test_order_of_sweeps() -> None:
     ends = [run(lm.RKMK(tableau=lm.tableaus.gauss(2)), field(), spins(N), None, 0.4 / n, n, 8)[-1] for n in (1, 2, 8)]
     ratio = np.abs(ends[0] - ends[2]).max() / np.abs(ends[1] - ends[2]).max()
     assert 13.0 < ratio < 20.0
-
-
-@pytest.mark.slow
-@native
-@pytest.mark.parametrize("method", ON_BODIES, ids=repr)
-def test_bits_of_bodies(method: Any) -> None:
-    plain = run(method, coupled(), spins(N), turned(N), 0.05, 2, 0)
-    for lanes in (1, 8, 16) if method == lm.KickDrift() else (8,):
-        found = run(method, coupled(), spins(N), turned(N), 0.05, 2, lanes)
-        assert np.array_equal(found, plain), lanes
 
 
 @pytest.mark.slow
@@ -148,24 +108,6 @@ def test_a_formula_of_pairs_that_asks_for_one_site_is_refused() -> None:
     system = lm.LiePoissonSystem(lm.SO3(), Lopsided(B))
     with pytest.raises(NotCompilable, match="numbers of one site alone"):
         run(lm.RKMK(order=2), system, spins(9), None, 0.01, 2, 8)
-
-
-@pytest.mark.slow
-def test_against_scipy() -> None:
-    s = spins(N)
-
-    def motion(t: float, flat: np.ndarray) -> np.ndarray:
-        mu = flat.reshape(N, 3)
-        slope = -(np.roll(mu, 1, axis=0) + np.roll(mu, -1, axis=0)) - np.array(B)
-        return np.cross(mu, slope).ravel()
-
-    exact = solve_ivp(motion, (0.0, 1.0), s.ravel(), rtol=1e-12, atol=1e-13).y[:, -1]
-    errors = []
-    for steps in (10, 20):
-        found = run(lm.RKMK(order=4), field(), s, None, 1.0 / steps, steps, 0)[-1]
-        errors.append(np.abs(found.T.ravel() - exact).max())
-    assert errors[1] < 1e-5
-    assert 3.7 < np.log2(errors[0] / errors[1]) < 4.5
 
 
 @native

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from pathlib import Path
 from typing import Any
 
@@ -75,18 +74,6 @@ def test_samples(run: Any) -> None:
     assert np.array_equal(run.mu[0], directions())
     assert np.array_equal(run.last.mu, run.mu[-1])
     assert np.abs(np.linalg.norm(run.mu, axis=2) - 1.0).max() < 1e-14
-
-
-def test_resume(plan: Any, run: Any, tmp_path: Path) -> None:
-    first = plan.run(plan.system.state(mu=directions()), steps=23)
-    rest = plan.resume(first, steps=34)
-    assert np.array_equal(rest.mu[-1], run.mu[-1])
-    assert np.array_equal(rest.mu[1:], run.mu[3:])
-    assert np.array_equal(first.then(rest).t[-4:], run.t[-4:])
-    first.save(tmp_path / "run.npz")
-    loaded = lm.Trajectory.load(tmp_path / "run.npz")
-    assert loaded == first
-    assert np.array_equal(plan.resume(loaded, steps=34).mu[-1], run.mu[-1])
 
 
 def test_checkpoint(plan: Any, run: Any, tmp_path: Path) -> None:
@@ -241,41 +228,6 @@ def test_workers(monkeypatch: pytest.MonkeyPatch) -> None:
     mu[5000] *= 1e200
     with pytest.raises(NotFinite, match="site 4998"):
         lm.integrate(system, lm.RKMK(order=2), system.state(mu=mu), workers=2, **way)
-
-
-def test_members_and_steps_by_hand(plan: Any, run: Any) -> None:
-    mu = np.stack([directions(), directions()[::-1]])
-    members = plan.run(plan.system.state(mu=mu), steps=20)
-    assert members.mu.shape == (3, 2, N, 3)
-    assert np.array_equal(members.mu[:, 0], run.mu[:3])
-    assert np.array_equal(members.energy[:, 0], run.energy[:3])
-    carry = plan.begin(plan.system.state(mu=directions()))
-    carry = plan.step(plan.step(carry, 4), 6)
-    assert np.array_equal(carry.state.mu, run.mu[1])
-
-
-@pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.SublatticeSplitting(order=2)], ids=repr)
-def test_stepper(method: Any) -> None:
-    """By hand, on from a run and on from a stepper: the same bits."""
-    plan = lm.Plan(spins(), method, h=0.05, every=10)
-    run = plan.run(plan.system.state(mu=directions()), steps=30)
-    body = plan.stepper(plan.system.state(mu=directions()))
-    body.step()
-    body.step(9)
-    assert np.array_equal(body.mu, run.mu[1])
-    assert body.t == run.t[1]
-    body.step(10)
-    assert np.array_equal(plan.resume(body, steps=10).mu[-1], run.mu[3])
-    other = pickle.loads(pickle.dumps(body))
-    other.step(10)
-    body.refresh()
-    body.step(10)
-    assert np.array_equal(other.mu, run.mu[3])
-    assert np.array_equal(body.mu, run.mu[3])
-    assert body.steps == 30
-    again = plan.stepper(plan.run(plan.system.state(mu=directions()), steps=10))
-    again.step(20)
-    assert np.array_equal(again.mu, run.mu[3])
 
 
 @native

@@ -194,13 +194,6 @@ def exact(rate: Any, s: np.ndarray, t_end: float) -> np.ndarray:
     return end
 
 
-@pytest.mark.slow
-def test_the_motion_is_that_of_scipy() -> None:
-    s, system = directions(4), triangle()
-    run = lm.integrate(system, lm.SublatticeSplitting(8), system.state(mu=s), h=0.05, steps=20, progress=False)
-    assert np.abs(run.mu[-1] - exact(rate, s, 1.0)).max() < 2e-12
-
-
 def bond_rate(s: np.ndarray) -> np.ndarray:
     """s' = s x dH/ds of `pairs`."""
     xi = -2.0 * 0.5 * (s @ AXIS)[:, None] * AXIS
@@ -261,18 +254,6 @@ def test_the_energy_wanders_as_rounding_does() -> None:
     )
     assert np.sqrt(np.mean((run.energy - run.energy[0]) ** 2)) < 1e-13 * 3000.0
     assert np.abs(np.linalg.norm(run.mu[-1], axis=-1) - 1.0).max() < 1e-13
-
-
-@pytest.mark.slow
-def test_bonds_keep_the_sum_of_all_momenta() -> None:
-    ring = near.ring(6)
-    system = spins(6, Exchange(1.0).over(ring), Biquadratic(-0.4).over(ring))
-    run = lm.integrate(
-        system, lm.BondSplitting(), system.state(mu=directions(6)), h=0.2, steps=40, compiled=False, progress=False
-    )
-    total = run.mu.sum(axis=1)
-    assert np.abs(total - total[0]).max() < 1e-14 * 6
-    assert np.ptp(run.energy) > 1e-6  # which only oscillates
 
 
 def poisson(system: Any, method: Any, s: np.ndarray, h: float) -> float:
@@ -398,22 +379,6 @@ def test_loops_have_the_bits_of_what_is_written_out(
         assert not attitudes or np.array_equal(other.g[-1], found.g[-1])
 
 
-@pytest.mark.slow
-def test_samples_do_not_move_what_is_sampled() -> None:
-    system = spins(20, Exchange(lm.each(np.linspace(0.5, 1.5, 19))).over(near.chain(20)))
-    start = system.state(mu=directions(20))
-    runs = [
-        lm.integrate(system, lm.SublatticeSplitting(), start, h=0.1, steps=8, every=every, progress=False)
-        for every in (1, 4, 8)
-    ]
-    assert np.array_equal(runs[0].mu[::4], runs[1].mu)
-    assert np.array_equal(runs[0].mu[-1], runs[2].mu[-1])
-    energy = lm.integrate(
-        system, lm.SublatticeSplitting(), start, h=0.1, steps=8, record=("energy",), progress=False
-    ).energy
-    assert np.array_equal(energy, runs[0].energy)
-
-
 def test_held_sites_rest() -> None:
     ring = near.ring(20)
     system = spins(20, Exchange(1.0).over(ring), held=[0, 7])
@@ -430,14 +395,6 @@ def test_held_sites_rest() -> None:
     assert (run.mu[-1][1] != run.mu[0][1]).all()
     with pytest.raises(IncompatibleSystem, match="site 0 is held"):
         lm.BondSplitting().require(system)
-
-
-def test_overflow_is_told() -> None:
-    system = spins(30, Exchange(1e300).over(near.ring(30)))
-    with pytest.raises(IntegrationFailure, match="overflow"):
-        lm.integrate(
-            system, lm.SublatticeSplitting(), system.state(mu=1e10 * directions(30)), h=0.1, steps=10, progress=False
-        )
 
 
 SPIN = {"every": 100, "record": [("spin", lambda t, site: site.mu)]}

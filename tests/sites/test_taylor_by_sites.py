@@ -143,19 +143,3 @@ def test_adaptive_bits(only_sites: None, monkeypatch: pytest.MonkeyPatch) -> Non
     same(*many)
     back = lm.Plan(spins(n), lm.Taylor(6), **given).run(many[0].last, t0=0.5, t_end=0.0)
     assert np.abs(back.mu[-1] - directions(n)).max() < 1e-5
-
-
-@pytest.mark.slow
-@native
-def test_events_and_going_on() -> None:
-    n = 60
-    plan = lm.Plan(
-        spins(n), lm.Taylor(6), rtol=1e-8, atol=1e-8,
-        record=[("spin", lambda t, site: site.mu)], events=[lambda t, total: t - 0.7],
-    )  # fmt: skip
-    run = plan.run(spins(n).state(mu=directions(n)), t_end=1.0)
-    assert run.events[0][0] == pytest.approx([0.7], abs=1e-12)
-    bare = lm.Plan(spins(n), lm.Taylor(6), rtol=1e-8, atol=1e-8)
-    first = bare.run(spins(n).state(mu=directions(n)), t_end=0.6)
-    rest = bare.resume(first, t_end=1.0)
-    assert np.abs(rest.mu[-1] - exact(n, [1.0])[0]).max() < 1e-7
