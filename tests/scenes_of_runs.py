@@ -457,7 +457,7 @@ METHODS = (
 )  # fmt: skip
 
 
-# ---------------------------------------------------------------- many sites
+# ---------------------------------------------------------------- many sites, links in memory
 
 
 def spins_of(count: int) -> dict[str, np.ndarray]:
@@ -466,7 +466,17 @@ def spins_of(count: int) -> dict[str, np.ndarray]:
 
 
 SPINS = lm.LiePoissonSystem(lm.SO3() ** 5, lm.Terms(Exchange(1.0).over(lm.neighbours.ring(5))))
+RODS = lm.joints.chain(3)
+
+
+def rods_of(count: int) -> dict[str, np.ndarray]:
+    """Bent, and let go."""
+    start = RODS.state(angles={0: [0.9, 0.1, 0.3]}, rates={1: [1.5, -0.4, 0.2]})
+    return {name: np.stack([x] * count) for name, x in start.arrays.items()}
+
+
 OF_SITES = (
+    _method("rods", RODS, lm.LieRATTLE(), rods_of, 0.01),
     _method("spins", SPINS, lm.RKMK(order=2), spins_of, 0.05),
     _method("spins by colours", SPINS, lm.SublatticeSplitting(), spins_of, 0.05),
 )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -243,26 +242,6 @@ def hanging(n: int) -> tuple[Linkage, Any]:
     """Rods on ball joints, the least code of linkages that move."""
     linkage = chain(n)
     return linkage, linkage.state(angles={0: [0.9, 0.1, 0.3]}, rates={1: [1.5, -0.4, 0.2]})
-
-
-@pytest.mark.slow
-@needs_compiler
-def test_runs_of_links_stop_and_go_on_with_the_same_bits(tmp_path: Path) -> None:
-    linkage, start = hanging(5)
-    plan = lm.Plan(linkage, lm.LieRATTLE(), h=0.01, compiled=True, every=5)
-    whole = plan.run(start, steps=20)
-    plan.run(start, steps=10).save(tmp_path / "half.npz")
-    rest = plan.resume(lm.Trajectory.load(tmp_path / "half.npz"), steps=10)
-    assert np.array_equal(whole.g[-1], rest.g[-1])
-    assert np.array_equal(whole.mu[-1], rest.mu[-1])
-    other = linkage.state(angles={0: [0.2, 0.0, 0.1]})
-    many = linkage.state(*[np.stack([x, y]) for x, y in zip((start.mu, start.g), (other.mu, other.g))])
-    both = plan.run(many, steps=20)
-    assert np.array_equal(both.g[:, 0], whole.g)
-    stepper = plan.stepper(start)
-    for _ in range(20):
-        stepper.step()
-    assert np.array_equal(np.array(stepper.state.g), whole.g[-1])
 
 
 @pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=[pytest.mark.slow, pytest.mark.compiled])])

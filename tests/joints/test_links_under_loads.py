@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_links_in_memory import BOTTOM, LUMP, ROD, TOP, TURN, by_loops, needs_compiler, star, tree, written_out
+from test_links_in_memory import BOTTOM, ROD, TOP, TURN, by_loops, needs_compiler, star, tree, written_out
 
 import liemech as lm
 from liemech.formulas import dot, sin, sqrt, vec
@@ -189,19 +189,6 @@ def test_fields_and_loads_on_bodies_are_checked_at_the_border() -> None:
     ):
         with pytest.raises(error, match=words):
             library.joints.Linkage(links, joints, load=given)
-
-
-@pytest.mark.slow
-def test_forces_of_every_kind_act_together(monkeypatch: Any) -> None:
-    rods = chain(3)
-    linkage = Linkage(
-        [ROD, LUMP, ROD], rods.joints, load={1: Drag(1.0)}, potential=Cords(4.0),
-        forces=[Spring(1, 3.0), Damper(1, 0.4), Damper(2, 0.7, freedom=1)],
-    )  # fmt: skip
-    start = linkage.state(angles={0: [0.3, 0.1, 0.2]}, rates={1: [1.0, 2.0, 0.5]})
-    one = by_loops(linkage, lm.LieRATTLE(), start, False, h=0.005, steps=2)
-    two = written_out(monkeypatch, linkage, lm.LieRATTLE(), start, h=0.005, steps=2)
-    np.testing.assert_allclose(one.g, two.g, rtol=0.0, atol=4e-15)
 
 
 def side(t: float, state: Any) -> float:

@@ -61,16 +61,6 @@ def test_steps_under_loads_are_those_of_the_equation_written_out(method):
 
 
 @pytest.mark.slow
-def test_another_number_of_links_and_going_on():
-    many = lm.joints.chain(40, axis=TURN)
-    plan = lm.Plan(many, lm.RKMK(order=5), h=2e-3, compiled=True)
-    run = plan.run(many.state(angles={0: 0.3, 20: 0.2}), steps=100)
-    assert np.ptp(run.energy) < 1e-9 * np.abs(run.energy[0])
-    half = plan.run(many.state(angles={0: 0.3, 20: 0.2}), steps=50)
-    assert np.array_equal(plan.resume(half, steps=50).g[-1], run.g[-1])
-
-
-@pytest.mark.slow
 def test_between_steps_it_goes_on_from_where_it_has_drifted():
     """The ends of steps are off the conditions by the error of the method, as no start may be."""
     rods = lm.joints.chain(4)

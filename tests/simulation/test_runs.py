@@ -52,8 +52,8 @@ def over(*table: Scene) -> Any:
 
 
 def marks(scene: Scene) -> Any:
-    """In plain Python a step by colours takes half a second."""
-    return [pytest.mark.slow] if scene.name == "spins by colours" else []
+    """In plain Python a step by colours, or of links, takes long."""
+    return [pytest.mark.slow] if scene.name in ("spins by colours", "rods") else []
 
 
 def watched(*observers: str) -> Any:
