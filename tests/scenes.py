@@ -333,3 +333,75 @@ class Charged(lm.CotangentSystem):
 
     def symmetry(self, mu: Any, g: Any) -> dict[str, Any]:
         return {"vertical momentum": self.spatial_momentum(mu, g)[..., 2]}
+
+
+# ---------------------------------------------------------------- what a few files share
+
+
+@lm.record
+class Ball(lm.SeparableSystem):
+    """A ball above a floor."""
+
+    degrees: ClassVar[int] = 1
+    g: float
+
+    def kinetic(self, p: Any) -> Any:
+        return lm.dot(p, p) / 2.0
+
+    def potential(self, q: Any) -> Any:
+        return self.g * q[0]
+
+
+@lm.record
+class Pendulum(lm.SeparableSystem):
+    degrees: ClassVar[int] = 1
+
+    def kinetic(self, p: Any) -> Any:
+        return lm.dot(p, p) / 2.0
+
+    def potential(self, q: Any) -> Any:
+        return -lm.formulas.cos(q[0])
+
+
+@lm.record
+class Powers(lm.LinearGroupEquation):
+    """x' = t^n on the line."""
+
+    power: int
+
+    def drive(self, t):
+        return vec(t**self.power)
+
+
+@lm.record
+class PointFixed(lm.Constraint):
+    """The point `at` of a body on SE(3) stays in the origin."""
+
+    at: lm.Vec
+
+    def value(self, g):
+        return lm.vec(*[g[i, 3] + lm.dot(lm.vec(g[i, 0], g[i, 1], g[i, 2]), self.at) for i in range(3)])
+
+
+@lm.record
+class Rolling(lm.VelocityConstraint):
+    """A ball on a plane, on SO(3) x R^2: the centre moves with v = w x r e3, w seen from space."""
+
+    radius: float
+
+    def matrix(self, g):
+        r = self.radius
+        return lm.mat(lm.vec(-r * g[3], -r * g[4], -r * g[5], 1.0, 0.0), lm.vec(r * g[0], r * g[1], r * g[2], 0.0, 1.0))
+
+
+@lm.record
+class Slope(lm.VelocityConstraint):
+    """The nonholonomic particle, z' = y x'."""
+
+    def matrix(self, g):
+        return lm.mat(lm.vec(-g[1], 0.0, 1.0))
+
+
+WORLDS = pytest.mark.parametrize(
+    "compiled", [False, pytest.param(True, marks=pytest.mark.compiled)], ids=["plain", "compiled"]
+)

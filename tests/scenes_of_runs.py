@@ -7,10 +7,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
+import pytest
 from terms_of_spins import Exchange
 
 import liemech as lm
 from liemech.formulas import dot, vec
+from liemech.simulation.compiled.execution import Execution
 
 TURN = np.array([[2.0, -1.0, 2.0], [2.0, 2.0, -1.0], [-1.0, 2.0, 2.0]]) / 3.0
 
@@ -480,3 +482,26 @@ OF_SITES = (
     _method("spins", SPINS, lm.RKMK(order=2), spins_of, 0.05),
     _method("spins by colours", SPINS, lm.SublatticeSplitting(), spins_of, 0.05),
 )
+
+
+# ---------------------------------------------------------------- what a few files share
+
+
+class Equator:
+    """mu_1 passes zero."""
+
+    terminal = 3
+
+    def __call__(self, t: float, state: Any) -> float:
+        return state.mu[0]
+
+
+def python_first(monkeypatch: pytest.MonkeyPatch, pieces: int) -> None:
+    """Some pieces of the next run in plain Python."""
+    ready, asked = Execution.ready, []
+
+    def not_yet(execution: Any, done: float) -> bool:
+        asked.append(done)
+        return len(asked) > pieces and ready(execution, done)
+
+    monkeypatch.setattr(Execution, "ready", not_yet)

@@ -45,3 +45,11 @@ class Zeeman(lm.Term):
 
     def energy(self, a: Any) -> float:
         return -lm.dot(self.B, a.mu)
+
+
+@lm.record
+class Biquadratic(lm.Term):
+    K: float
+
+    def energy(self, a: Any, b: Any) -> float:
+        return self.K * lm.dot(a.mu, b.mu) ** 2

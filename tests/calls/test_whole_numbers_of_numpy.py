@@ -7,20 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from terms_of_spins import Exchange
 
 import liemech as lm
 from liemech import tableaus
-
-
-@lm.record
-class Exchange(lm.Term):
-    """Of two spins."""
-
-    J: float
-
-    def energy(self, a, b):
-        return -self.J * lm.dot(a.mu, b.mu)
-
 
 PAIRS = lm.neighbours.between(np.array([[0, 1]]))
 COUNTED: dict[str, Callable[[Any], Any]] = {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scenes_of_runs import Height
 
 import liemech as lm
 from liemech import errors
@@ -66,14 +67,6 @@ class OnSphere(lm.Constraint):
 
     def value(self, g):
         return lm.vec(lm.dot(g, g) - 1.0)
-
-
-@lm.record
-class Height(lm.Potential):
-    weight: float
-
-    def energy(self, g):
-        return self.weight * g[2]
 
 
 def test_a_step_that_configurations_on_groups_do_not_notice():

@@ -14,6 +14,7 @@ from scenes import (
     RKMK4,
     Driven,
     DrivenInverse,
+    Powers,
     Steered,
     SteeredInverse,
     asymmetric_body,
@@ -265,16 +266,6 @@ def test_the_energy_drifts() -> None:
 
 
 # ---------------------------------------------------------------- the face
-
-
-@lm.record
-class Powers(lm.LinearGroupEquation):
-    """x' = t^n on the line."""
-
-    power: int
-
-    def drive(self, t):
-        return vec(t**self.power)
 
 
 @pytest.mark.parametrize(("tableau", "degree"), [(gauss(2), 3), (gauss(3), 5), (radau_iia(2), 2), (radau_iia(3), 4)])

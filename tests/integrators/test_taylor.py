@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scenes import asymmetric_body, rotation, same_bits
+from scenes import Powers, asymmetric_body, rotation, same_bits
 
 import liemech as lm
 from liemech.errors import IncompatibleSystem, InvalidInput, InvalidType, NotCompilable, StepTooSmall
@@ -301,16 +301,6 @@ def test_refusals() -> None:
         with pytest.raises(error, match=words):
             call()
     assert Taylor().name == "Taylor12" and not Taylor.symmetric and not Taylor.symplectic
-
-
-@lm.record
-class Powers(lm.LinearGroupEquation):
-    """x' = t^n on the line."""
-
-    power: int
-
-    def drive(self, t):
-        return vec(t**self.power)
 
 
 def test_taylor_takes_the_last_term_but_one_where_the_last_is_missing() -> None:

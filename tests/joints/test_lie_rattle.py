@@ -6,20 +6,12 @@ import functools
 
 import numpy as np
 import pytest
+from scenes import PointFixed
+from scenes_of_runs import Height
 
 import liemech as lm
 
 EPSILON = np.finfo(float).eps
-
-
-@lm.record
-class PointFixed(lm.Constraint):
-    """The point `at` of a body on SE(3) stays in the origin."""
-
-    at: lm.Vec
-
-    def value(self, g):
-        return lm.vec(*[g[i, 3] + lm.dot(lm.vec(g[i, 0], g[i, 1], g[i, 2]), self.at) for i in range(3)])
 
 
 @lm.record
@@ -30,14 +22,6 @@ class Sphere(lm.Constraint):
 
     def value(self, g):
         return lm.vec(lm.dot(g, g) - self.radius * self.radius)
-
-
-@lm.record
-class Height(lm.Potential):
-    weight: float
-
-    def energy(self, g):
-        return self.weight * g[2]
 
 
 J, MASS, CENTRE, W = (np.array([1.0, 1.5, 0.7]), 2.0, np.array([0.3, 0.1, 0.4]), np.array([0.3, 0.6, 1.1]))

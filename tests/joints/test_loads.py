@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scenes import PointFixed
 
 import liemech as lm
 from liemech.formulas import cos, sin
@@ -22,16 +23,6 @@ class Stirred(lm.Force):
     def covector(self, t: float, xi: lm.Vec, g: Any) -> lm.Vec:
         push = lm.vec(0.3 * sin(2.0 * t), 0.2, 0.1 * cos(t), 0.0, 0.3 * g[0, 0], 0.0)
         return self.push * push - (self.drag * (1.0 + lm.dot(xi, xi))) * xi
-
-
-@lm.record
-class PointFixed(lm.Constraint):
-    """The point `at` of a body on SE(3) stays in the origin."""
-
-    at: lm.Vec
-
-    def value(self, g):
-        return lm.vec(*[g[i, 3] + lm.dot(lm.vec(g[i, 0], g[i, 1], g[i, 2]), self.at) for i in range(3)])
 
 
 @lm.record

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scenes import Rolling, Slope
 
 import liemech as lm
 
@@ -18,25 +19,6 @@ class Row(lm.VelocityConstraint):
 
     def matrix(self, g):
         return lm.mat(self.row)
-
-
-@lm.record
-class Rolling(lm.VelocityConstraint):
-    """A ball on a plane, on SO(3) x R^2: the centre moves with v = w x r e3, w seen from space."""
-
-    radius: float
-
-    def matrix(self, g):
-        r = self.radius
-        return lm.mat(lm.vec(-r * g[3], -r * g[4], -r * g[5], 1.0, 0.0), lm.vec(r * g[0], r * g[1], r * g[2], 0.0, 1.0))
-
-
-@lm.record
-class Slope(lm.VelocityConstraint):
-    """The nonholonomic particle, z' = y x'."""
-
-    def matrix(self, g):
-        return lm.mat(lm.vec(-g[1], 0.0, 1.0))
 
 
 J = np.array([[1.0, 0.0, 0.2], [0.0, 1.6, 0.3], [0.2, 0.3, 2.0]])

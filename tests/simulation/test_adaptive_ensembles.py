@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scenes_of_runs import python_first
 from scipy.integrate import solve_ivp
 
 import liemech as lm
 from liemech.errors import IntegrationFailure, StepTooSmall
 from liemech.simulation import keep
 from liemech.simulation.compiled import lanes
-from liemech.simulation.compiled.execution import Execution
 from liemech.simulation.runs import run
 from liemech.tableaus import BOGACKI_SHAMPINE3
 
@@ -25,17 +25,6 @@ BODY, RNG = lm.RigidBody([1.0, 1.5, 2.0]), np.random.default_rng(7)
 MU = RNG.normal(size=(40, 3)) * RNG.uniform(0.1, 4.0, size=(40, 1))
 PLAN = lm.Plan(BODY, METHOD, rtol=1e-5, progress=False)
 TIMES = np.array([0.0, 0.3, 0.30001, 1.0, 1.0, 1.7, 2.0])
-
-
-def python_first(monkeypatch: pytest.MonkeyPatch, pieces: int) -> None:
-    """Some pieces of the next run in plain Python."""
-    ready, asked = Execution.ready, []
-
-    def not_yet(execution: Any, done: float) -> bool:
-        asked.append(done)
-        return len(asked) > pieces and ready(execution, done)
-
-    monkeypatch.setattr(Execution, "ready", not_yet)
 
 
 @pytest.fixture(autouse=True)

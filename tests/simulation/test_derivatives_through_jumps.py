@@ -8,23 +8,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from scenes import Ball
 
 import liemech as lm
-
-
-@lm.record
-class Ball(lm.SeparableSystem):
-    """A ball above a floor, q'' = -g."""
-
-    degrees: ClassVar[int] = 1
-    g: float
-
-    def kinetic(self, p: Any) -> Any:
-        return lm.dot(p, p) / 2.0
-
-    def potential(self, q: Any) -> Any:
-        return self.g * q[0]
-
 
 BALL, E = Ball(9.81), 0.8
 METHODS = [(lm.StormerVerlet(), {"h": 0.01}), (lm.RKMK(order=5), {"rtol": 1e-10})]

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scenes_of_runs import python_first
 
 import liemech as lm
-from liemech.simulation.compiled.execution import Execution
 from liemech.simulation.keep import AtTimes
 from liemech.simulation.runs import run as runs
 from liemech.simulation.runs.tolerance import ToleranceRun
@@ -24,17 +24,6 @@ WORLDS = pytest.mark.parametrize("compiled", [pytest.param(True, marks=pytest.ma
 
 def plan(system: Any = KEPLER, compiled: bool | None = True, **how: Any) -> lm.Plan:
     return lm.Plan(system, METHOD, **{"rtol": 1e-4, "progress": False} | how, compiled=compiled)
-
-
-def python_first(monkeypatch: pytest.MonkeyPatch, pieces: int) -> None:
-    """Some pieces of the next run in plain Python."""
-    ready, asked = Execution.ready, []
-
-    def not_yet(execution: Any, done: float) -> bool:
-        asked.append(done)
-        return len(asked) > pieces and ready(execution, done)
-
-    monkeypatch.setattr(Execution, "ready", not_yet)
 
 
 @WORLDS

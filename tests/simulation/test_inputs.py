@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scenes import WORLDS
 from scipy.integrate import solve_ivp
 
 import liemech as lm
@@ -18,9 +19,6 @@ from liemech.errors import IntegrationFailure, IntegrationInterrupted, InvalidIn
 from liemech.rooms.at_work.stepper import BodiesInPlace, BodyInPlace
 from liemech.simulation.compiled.parameters import Input
 
-WORLDS = pytest.mark.parametrize(
-    "compiled", [False, pytest.param(True, marks=pytest.mark.compiled)], ids=["plain", "compiled"]
-)
 MOMENTS = [1.0, 1.5, 2.0]
 
 

@@ -7,24 +7,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from scenes import Ball, Pendulum
 from scipy.integrate import solve_ivp
 
 import liemech as lm
-
-
-@lm.record
-class Ball(lm.SeparableSystem):
-    """A ball above a floor, q'' = -g."""
-
-    degrees: ClassVar[int] = 1
-    g: float
-
-    def kinetic(self, p: Any) -> Any:
-        return lm.dot(p, p) / 2.0
-
-    def potential(self, q: Any) -> Any:
-        return self.g * q[0]
-
 
 BALL, E = Ball(9.81), 0.8
 FALL, BODY_AXES = np.sqrt(2.0 / 9.81), [1.0, 1.6, 2.3, 2.0, 2.0, 2.0]
@@ -358,17 +344,6 @@ def test_restarts_by_scipy_give_the_same_bounces() -> None:
         t, y = part.t[-1], [part.y[0, -1], -e * part.y[1, -1]]
         times += [*part.t_events[0]]
     assert len(times) >= 3 and run.events[0][0] == pytest.approx(times, abs=1e-9)
-
-
-@lm.record
-class Pendulum(lm.SeparableSystem):
-    degrees: ClassVar[int] = 1
-
-    def kinetic(self, p: Any) -> Any:
-        return lm.dot(p, p) / 2.0
-
-    def potential(self, q: Any) -> Any:
-        return -lm.formulas.cos(q[0])
 
 
 @lm.record

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scenes_of_runs import Equator
 
 import liemech as lm
 from liemech import errors
@@ -32,15 +33,6 @@ class Node:
 
     def __call__(self, t: float, state: Any) -> float:
         return state.q[1]
-
-
-class Equator:
-    """mu_1 passes zero."""
-
-    terminal = 3
-
-    def __call__(self, t: float, state: Any) -> float:
-        return state.mu[0]
 
 
 def same(run: Any, other: Any) -> bool:

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scenes import Fenced
+from scenes import WORLDS, Fenced
+from scenes_of_runs import Equator
 
 import liemech as lm
 from liemech.errors import IncompatibleSystem, IntegrationFailure, IntegrationInterrupted, InvalidInput, InvalidType
@@ -34,9 +35,6 @@ CASES: dict[str, tuple[Any, Any, Any, dict[str, Any]]] = {
     "only mu": (BODY, lm.RKMK(order=4), START, {"record": "mu", "h": -0.05}),
     "in fictive time": (KEPLER, CLOCKED, FALL, {}),
 }
-WORLDS = pytest.mark.parametrize(
-    "compiled", [False, pytest.param(True, marks=pytest.mark.compiled)], ids=["plain", "compiled"]
-)
 
 
 def plan_of(case: str, compiled: bool | None) -> tuple[lm.Plan, Any]:
@@ -104,15 +102,6 @@ def test_what_it_gives_is_its_own() -> None:
     for name, value in {"mu": START.mu, "h": 0.1, "t": 3.0}.items():
         with pytest.raises(AttributeError, match=rf"{name} of a Stepper cannot be set; .*stepper\("):
             setattr(stepper, name, value)
-
-
-class Equator:
-    """mu_1 passes zero."""
-
-    terminal = 3
-
-    def __call__(self, t: float, state: Any) -> float:
-        return state.mu[0]
 
 
 @pytest.mark.slow

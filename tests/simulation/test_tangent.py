@@ -9,15 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scenes import slow
+from scenes import WORLDS, slow
 
 import liemech as lm
 from liemech import errors
 from liemech.tableaus import gauss
 
-WORLDS = pytest.mark.parametrize(
-    "compiled", [False, pytest.param(True, marks=pytest.mark.compiled)], ids=["plain", "compiled"]
-)
 SO3 = lm.SO3()
 BODY = lm.RigidBody([1.0, 1.6, 2.3])
 START = BODY.state(mu=[0.5, -0.3, 0.75], g=SO3.exp([0.1, 0.2, 0.3]))

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from terms_of_spins import Exchange
 
 import liemech as lm
 from liemech.compiler import kernel
@@ -33,14 +34,6 @@ def _many_switches():
 
 def numbers(seed, *shape):
     return np.random.default_rng(seed).normal(size=shape)
-
-
-@lm.record
-class Exchange(lm.Term):
-    J: float
-
-    def energy(self, a, b):
-        return -self.J * lm.dot(a.mu, b.mu)
 
 
 @lm.record

@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from scenes import Ball
 
 import liemech as lm
 from liemech.compiler import kernel
@@ -150,20 +151,6 @@ def test_a_step_of_a_million_turns_is_refused_if_events_are_asked_for() -> None:
 
 
 # ------------------------------------------------------------------ a zero at the start
-
-
-@lm.record
-class Ball(lm.SeparableSystem):
-    """A ball above a floor."""
-
-    degrees: ClassVar[int] = 1
-    g: float
-
-    def kinetic(self, p: Any) -> Any:
-        return lm.dot(p, p) / 2.0
-
-    def potential(self, q: Any) -> Any:
-        return self.g * q[0]
 
 
 @WORLDS

@@ -6,20 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from terms_of_spins import Exchange, Zeeman
 
 import liemech as lm
 from liemech import neighbours as near
 from liemech.errors import IncompatibleSystem, InvalidInput, InvalidType
 
 SPIN = lm.SO3()
-
-
-@lm.record
-class Exchange(lm.Term):
-    J: float
-
-    def energy(self, a: Any, b: Any) -> float:
-        return -self.J * lm.dot(a.mu, b.mu)
 
 
 @lm.record
@@ -34,14 +27,6 @@ class Skew(lm.Term):
 class Uneven(lm.Term):
     def energy(self, a: Any, b: Any) -> float:
         return a.q * lm.dot(a.mu, b.mu)
-
-
-@lm.record
-class Zeeman(lm.Term):
-    B: lm.Vec
-
-    def energy(self, a: Any) -> float:
-        return -lm.dot(self.B, a.mu)
 
 
 @lm.record

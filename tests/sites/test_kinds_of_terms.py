@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from terms_of_spins import Exchange, Twist
+from terms_of_spins import Biquadratic, Exchange, Twist
 
 import liemech as lm
 from liemech import neighbours as near
@@ -32,14 +32,6 @@ class Ising(lm.Term):
 
     def energy(self, a: Any, b: Any) -> float:
         return -self.K * a.mu[2] * b.mu[2]
-
-
-@lm.record
-class Biquadratic(lm.Term):
-    K: float
-
-    def energy(self, a: Any, b: Any) -> float:
-        return self.K * lm.dot(a.mu, b.mu) ** 2
 
 
 @lm.record

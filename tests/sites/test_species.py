@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from terms_of_spins import Exchange, Zeeman
 
 import liemech as lm
 from liemech.compiler import kernel
@@ -16,22 +17,6 @@ from liemech.errors import IncompatibleSystem, InvalidInput, NotFinite
 native = pytest.mark.skipif(kernel.available() is not None, reason="needs llvmlite")
 SPINS, BODIES = 5, 3
 J = [1.0, 2.0, 3.0, 1.0, 1.0, 1.0]
-
-
-@lm.record
-class Exchange(lm.Term):
-    J: float
-
-    def energy(self, a: Any, b: Any) -> float:
-        return -self.J * lm.dot(a.mu, b.mu)
-
-
-@lm.record
-class Zeeman(lm.Term):
-    B: lm.Vec
-
-    def energy(self, a: Any) -> float:
-        return -lm.dot(self.B, a.mu)
 
 
 @lm.record

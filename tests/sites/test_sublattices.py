@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scenes import slope
 from scipy.integrate import solve_ivp
-from terms_of_spins import Chiral, Exchange, Twist, Zeeman
+from terms_of_spins import Biquadratic, Chiral, Exchange, Twist, Zeeman
 
 import liemech as lm
 from liemech.compiler.sites.site_calls import shares
@@ -20,14 +20,6 @@ from liemech.simulation.runs.carry import SiteCarry
 from liemech.tableaus.splittings import BLANES_MOAN4, STRANG, SYMPLECTIC_EULER
 
 near = lm.neighbours
-
-
-@lm.record
-class Biquadratic(lm.Term):
-    K: float
-
-    def energy(self, a: Any, b: Any) -> float:
-        return self.K * lm.dot(a.mu, b.mu) ** 2
 
 
 @lm.record

@@ -6,19 +6,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from scenes import Pendulum
 
 import liemech as lm
-
-
-@lm.record
-class Pendulum(lm.SeparableSystem):
-    degrees: ClassVar[int] = 1
-
-    def kinetic(self, p: Any) -> Any:
-        return lm.dot(p, p) / 2.0
-
-    def potential(self, q: Any) -> Any:
-        return -lm.formulas.cos(q[0])
 
 
 @lm.record

@@ -4,26 +4,13 @@ by closed form.  Beside each test stands the report, repository#number.
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pytest
+from scenes import Ball
 
 import liemech as lm
-
-
-@lm.record
-class Fall(lm.SeparableSystem):
-    """Free fall, q'' = -g."""
-
-    degrees: ClassVar[int] = 1
-    g: float
-
-    def kinetic(self, p: Any) -> Any:
-        return lm.dot(p, p) / 2.0
-
-    def potential(self, q: Any) -> Any:
-        return self.g * q[0]
 
 
 def ended_at(level: float, direction: float = 0.0) -> Any:
@@ -38,7 +25,7 @@ def ended_at(level: float, direction: float = 0.0) -> Any:
 
 def test_events_at_one_time_are_all_met() -> None:
     """SciML/DifferentialEquations.jl#516, SciML/ModelingToolkit.jl#3819: only the first of them was."""
-    ball = Fall(0.0)
+    ball = Ball(0.0)
     events = [lambda t, state: state.q[0] - 0.3, lambda t, state: 2.0 * (0.3 - state.q[0]), lambda t, state: t - 0.3]
     run = lm.integrate(ball, lm.RKMK(order=5), ball.state(q=[0.0], p=[1.0]), t_end=1.0, events=events)
     assert [times.tolist() for times, _ in run.events] == [[pytest.approx(0.3, abs=1e-14)]] * 3
@@ -48,7 +35,7 @@ def test_events_at_one_time_are_all_met() -> None:
 def test_a_cannon_by_times_that_are_asked_for(last: int) -> None:
     """scipy/scipy#12100: a terminal event between two times of t_eval, with one time or none before it.  The shell lands at
     2 v/g = 40."""
-    shell = Fall(0.5)
+    shell = Ball(0.5)
     for times in ([33.0 * last], [], [0.0, 33.0, 66.0, 99.0]):
         run = lm.integrate(
             shell,
@@ -73,7 +60,7 @@ def test_a_terminal_zero_where_a_step_ends(method: Any, way: Any) -> None:
     """
     if len(way) > 1 and not method.error_order:
         return
-    ball = Fall(0.0)
+    ball = Ball(0.0)
     fixed = {"steps": 16} if len(way) == 1 else {"t_end": 2.0}
     run = lm.integrate(ball, method, ball.state(q=[0.0], p=[1.0]), events=ended_at(0.5), compiled=False, **way, **fixed)
     assert run.t[:4].tolist() == [0.0, 0.125, 0.25, 0.375]

@@ -10,32 +10,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
+from terms_of_spins import Exchange, Twist, Zeeman
 
 import liemech as lm
-
-
-@lm.record
-class Exchange(lm.Term):
-    J: float
-
-    def energy(self, a, b):
-        return -self.J * lm.dot(a.mu, b.mu)
-
-
-@lm.record
-class DzyaloshinskiiMoriya(lm.Term):
-    D: lm.Vec
-
-    def energy(self, a, b):
-        return lm.dot(self.D, lm.cross(a.mu, b.mu))
-
-
-@lm.record
-class Zeeman(lm.Term):
-    B: lm.Vec
-
-    def energy(self, a):
-        return -lm.dot(self.B, a.mu)
 
 
 @lm.record
@@ -183,7 +160,7 @@ def test_an_antisymmetric_bond_between_one_pair_of_atoms() -> None:
     """tsdev/spinw#28: one pair has a known D; (a, b) with D is (b, a) with -D."""
     D, mu, ends = np.array([0.3, -0.2, 0.9]), directions(8, 5), []
     for pair, sign in (((2, 6), 1.0), ((6, 2), -1.0)):
-        system = spins(8, DzyaloshinskiiMoriya(sign * D).over(lm.neighbours.edges([pair], sites=8, ordered=True)))
+        system = spins(8, Twist(sign * D).over(lm.neighbours.edges([pair], sites=8, ordered=True)))
         ends.append(lm.integrate(system, lm.RKMK(order=4), system.state(mu=mu), h=0.05, steps=20).mu[-1])
     assert np.allclose(*ends, rtol=0.0, atol=1e-14)
     assert np.abs(ends[0][[2, 6]] - mu[[2, 6]]).min() > 1e-3

@@ -10,17 +10,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from scenes import Slope
 from scipy.integrate import solve_ivp
 
 import liemech as lm
-
-
-@lm.record
-class Slope(lm.VelocityConstraint):
-    """The nonholonomic particle, z' = y x'."""
-
-    def matrix(self, g: Any) -> Any:
-        return lm.mat(lm.vec(-g[1], 0.0, 1.0))
 
 
 @lm.record

@@ -7,23 +7,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from scenes import Rolling
 
 import liemech as lm
 from liemech.errors import InvalidTimeScale, InvalidType, StepWarning
 
 PENDULUM = lm.SphericalPendulum()
 SWINGING = PENDULUM.consistent([0.6, 0.0, -0.8], [0.4, 1.5, 0.3])
-
-
-@lm.record
-class Rolling(lm.VelocityConstraint):
-    """A ball on a plane, on SO(3) x R^2."""
-
-    radius: float
-
-    def matrix(self, g: Any) -> Any:
-        r = self.radius
-        return lm.mat(lm.vec(-r * g[3], -r * g[4], -r * g[5], 1.0, 0.0), lm.vec(r * g[0], r * g[1], r * g[2], 0.0, 1.0))
 
 
 def off(system: Any, method: Any, sigma: Any, start: Any, h: float) -> float:
