@@ -222,7 +222,7 @@ def of_free_bodies() -> Iterator[Any]:
     for method in methods():
         with contextlib.suppress(lm.errors.IncompatibleSystem):
             method.require(body)
-            if getattr(method, "scale", None) is None:
+            if getattr(method, "scale", None) is None and not isinstance(method, lm.ExactMoserVeselov):
                 yield pytest.param(method, marks=[pytest.mark.slow] if is_dear(method) else [], id=repr(method))
 
 

@@ -175,11 +175,14 @@ def as_alone(together: lm.Trajectory, i: int, single: lm.Trajectory) -> None:
         single_t, single_states = (single.t[[0, -1]], {n: x[[0, -1]] for n, x in single.states.items()})
     else:
         single_t, single_states = single.t, single.states
-    n = len(single_t)
-    assert n <= len(t) and same(t[:n], single_t) and (t[n:] == single_t[-1]).all()
+    n, end, last = len(single_t), single.t[-1], {}
+    if single.ended is not None:  # not at the last time before the event that was asked for
+        times, there = single.events[single.ended]
+        end, last = times[-1], {name: x[-1] for name, x in there.arrays.items()}
+    assert n <= len(t) and same(t[:n], single_t) and (t[n:] == end).all()
     for name, x in single_states.items():
         assert same(states[name][:n], x), name
-        assert (states[name][n:] == x[-1]).all(), name
+        assert (states[name][n:] == last.get(name, x[-1])).all(), name
     events: Any = together.events
     for event, alone in zip(events, single.events, strict=True):
         same_events(event[i], alone)
