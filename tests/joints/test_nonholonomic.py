@@ -190,7 +190,15 @@ class Driver(lm.Potential):
 
 @pytest.mark.slow
 @pytest.mark.compiled
-@pytest.mark.parametrize("method", [lm.LagrangeDAlembert(), lm.Composition(lm.LagrangeDAlembert(), order=4)])
+@pytest.mark.parametrize(
+    "method",
+    [
+        lm.LagrangeDAlembert(),
+        *(lm.Composition(lm.LagrangeDAlembert(), order=p) for p in (4, 6)),
+        lm.ReversibleController(lm.LagrangeDAlembert(), lambda mu: 2.0 / (2.0 + 0.3 * lm.dot(mu, mu))),
+    ],
+    ids=lambda method: method.name,
+)
 def test_no_method_holds_the_energy_where_the_motion_has_no_way_back(method):
     """A test of the kind of Modin and Verdier, Numer. Math. 145 (2020), 405: for a = 0 turning the sign of y with that of
     the velocities reverses the motion, and the energy stays in its band; for a = 0.3 nothing does, and it leaves it.

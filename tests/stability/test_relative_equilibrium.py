@@ -441,6 +441,78 @@ def test_a_chain_turns_stretched() -> None:
 
 
 @lm.record
+class OnAShaft(lm.HamiltonianSystem):
+    """Two unit masses on rods of unit length, hung from a shaft that turns their plane at the rate w; angles from below."""
+
+    degrees: ClassVar[int] = 2
+    w: float
+
+    def energy(self, q: Any, p: Any) -> Any:
+        first, both = lm.formulas.sin(q[0]), lm.formulas.sin(q[0]) + lm.formulas.sin(q[1])
+        c = lm.formulas.cos(q[0] - q[1])
+        kinetic = (0.5 * p[0] * p[0] - c * p[0] * p[1] + p[1] * p[1]) / (2.0 - c * c)
+        hung = -2.0 * lm.formulas.cos(q[0]) - lm.formulas.cos(q[1])
+        return kinetic + hung - 0.5 * self.w**2 * (first * first + both * both)
+
+
+def spinning_in_water(part: float) -> tuple[Any, Any, float]:
+    """A body of revolution that moves along its axis is a top with A m g l = A P^2 (1/c - 1/a).
+    Source: Lamb, Hydrodynamics, 6th ed. (1932), article 126.
+    """
+    A, C, a, c, P = 1.3, 0.6, 2.5, 1.7, 1.4
+    pull = P * P * (1.0 / c - 1.0 / a)
+    L = part * 2.0 * math.sqrt(A * pull)
+    body = lm.models.KirchhoffBody([A, A, C, a, a, c])
+    square = pull / A - (0.5 * L / A) ** 2
+    return body, body.state(mu=[0.0, 0.0, L, 0.0, 0.0, P]), math.sqrt(max(square, 0.0))
+
+
+def satellite(part: float) -> tuple[Any, Any, float]:
+    """In pitch a satellite turns over where its moment about the roll axis is below that about yaw."""
+    attraction, radius, yaw, pitch = 3.986004418e14, 7.0e6, 10.0, 15.0
+    body = lm.models.OrbitingBody(inertia=(yaw, yaw * part, pitch), mass=100.0, attraction=attraction)
+    square = 3.0 * attraction / radius**3 * (yaw - yaw * part) / pitch
+    return body, body.circular_orbit(radius), math.sqrt(max(square, 0.0))
+
+
+def triangle(part: float) -> tuple[Any, Any, float]:
+    """Masses 1, x, x: 27 (2 x + x^2) = (1 + 2 x)^2 for x = (36 sqrt 2 - 50)/46 (Gascheau 1843)."""
+    x = (36.0 * math.sqrt(2.0) - 50.0) / 46.0 / part
+    m, M = np.array([1.0, x, x]), 1.0 + 2.0 * x
+    q = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, math.sqrt(0.75)]])
+    q -= m @ q / M
+    p = m[:, None] * math.sqrt(M) * np.stack([-q[:, 1], q[:, 0]], axis=1)
+    bodies = lm.models.NBody(m, dimension=2)
+    routh = np.sqrt(complex(1.0 - 27.0 * (2.0 * x + x * x) / M**2))
+    return bodies, bodies.state(q.ravel(), p.ravel()), math.sqrt(M) * abs(np.sqrt(-0.5 + 0.5 * routh).real)
+
+
+def chain_on_a_shaft(part: float) -> tuple[Any, Any, float]:
+    """It hangs while the shaft turns slower than it swings, w^2 < 2 - sqrt 2, the least zero of Laguerre's L_2."""
+    slowest = 2.0 - math.sqrt(2.0)
+    chain = OnAShaft(math.sqrt(slowest) / part)
+    return chain, chain.state(q=[0.0, 0.0], p=[0.0, 0.0]), math.sqrt(max(chain.w**2 - slowest, 0.0))
+
+
+@pytest.mark.parametrize("part", [0.9, 1.0 - 1e-6, 1.0 + 1e-6, 1.1])
+@pytest.mark.parametrize(
+    ("of", "beyond"),
+    [
+        pytest.param(spinning_in_water, "stable", marks=pytest.mark.slow),
+        pytest.param(satellite, "stable", marks=pytest.mark.slow),
+        pytest.param(triangle, "spectrally stable", marks=pytest.mark.slow),
+        (chain_on_a_shaft, "stable"),
+    ],
+)
+def test_thresholds_to_a_millionth(of: Any, beyond: str, part: float) -> None:
+    """Below its threshold a motion is unstable and grows as in closed form."""
+    system, state, growth = of(part)
+    found = lm.relative_equilibrium(system, state)
+    assert found.verdict == ("unstable" if part < 1.0 else beyond)
+    assert found.growth == pytest.approx(growth if part < 1.0 else 0.0, rel=1e-6)
+
+
+@lm.record
 class InnermostOrbit(lm.SeparableSystem):
     """A point in the plane, V = -1/r - b/r^3: circular orbits at r^2 - J^2 r + 3 b = 0, two for J^4 > 12 b, none below."""
 
