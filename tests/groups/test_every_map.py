@@ -89,7 +89,6 @@ def array(x: Any) -> np.ndarray:
     return np.array(plain(x))
 
 
-@pytest.mark.sample(6)
 @pytest.mark.parametrize("group", BY_DEFAULT, ids=repr)
 @pytest.mark.parametrize("size", SIZES)
 def test_the_exponential(group: lm.LieGroup, size: float) -> None:
@@ -142,7 +141,6 @@ def test_the_exponential(group: lm.LieGroup, size: float) -> None:
     assert np.abs(here - there).max(initial=0.0) <= 10.0 * bound * scale**2
 
 
-@pytest.mark.sample(6)
 @pytest.mark.parametrize("group", [G for G in GROUPS if G.why_no_cayley() is None], ids=repr)
 @pytest.mark.parametrize("size", [pytest.param(0.12, marks=pytest.mark.slow), 1.6])
 def test_the_cayley_map(group: lm.LieGroup, size: float) -> None:

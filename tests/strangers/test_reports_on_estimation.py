@@ -75,6 +75,18 @@ def still(process: Any, deviations: Any, steps: int, h: float) -> Any:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("steps", [1, 40])
+def test_an_accelerometer_makes_places_uncertain_by_the_cube_of_time(steps: int) -> None:
+    """borglab/gtsam#368, #879: covariances of preintegrated accelerations were degenerate after a single measurement.
+    White noise of density s: var v = s^2 t, cov(p, v) = s^2 t^2/2, var p = s^2 t^3/3, however many steps there are.
+    """
+    s, t = 0.02, 2.0
+    belief = still(es.Imu([1e-12] * 3, [s] * 3), [1e-9] * 9, steps, t / steps)
+    among = belief.covariance[np.ix_([5, 8], [5, 8])]  # velocity and place along the vertical
+    assert np.allclose(among, s * s * t * np.array([[1.0, t / 2.0], [t / 2.0, t * t / 3.0]]), rtol=1e-6)
+
+
+@pytest.mark.slow
 def test_an_unknown_bias_makes_places_uncertain_by_the_square_of_time() -> None:
     """borglab/gtsam#368, #874: the effect of the bias on the position was left out.  var v = b^2 t^2, var p = b^2 t^4/4."""
     b, t = 0.01, 3.0
@@ -83,6 +95,19 @@ def test_an_unknown_bias_makes_places_uncertain_by_the_square_of_time() -> None:
     variances = np.diag(belief.covariance)[:9]
     assert np.isclose(np.sort(variances)[-1], b * b * t**4 / 4.0, rtol=1e-3)
     assert np.isclose(np.sort(variances)[-4], b * b * t**2, rtol=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", FILTERS)
+def test_a_device_that_measures_no_force_falls(kind: Any) -> None:
+    """borglab/gtsam#143: is gravity in it?  A force of zero means z = -g t^2/2, v = -g t."""
+    process = es.Imu([1e-4] * 3, [1e-3] * 3)
+    filter = kind(process)
+    belief = filter.belief(np.eye(5), [1e-3] * 9)
+    for _ in range(50):
+        belief = filter.predict(belief, np.zeros(6), 0.02)
+    columns = np.asarray(belief.g)[2, 3:]
+    assert np.allclose(np.sort(columns), [-9.80665, -0.5 * 9.80665], rtol=1e-6)
 
 
 def test_a_random_walk_of_a_data_sheet() -> None:
@@ -113,6 +138,22 @@ def test_an_attitude_does_not_depend_on_the_rate_of_samples(kind: Any) -> None:
     for belief in ends:  # the mean of an unscented cloud is off by its variance
         assert np.allclose(belief.g, yaw(1.5), rtol=0.0, atol=1e-6)
         assert np.isclose(belief.covariance[2, 2], 1e-6 + 9e-6, rtol=1e-5)
+
+
+@pytest.mark.parametrize("kind", FILTERS)
+def test_what_is_linear_is_kalmans_filter_written_out(kind: Any) -> None:
+    """rlabbe/filterpy#172, #192: extended and unscented filters differed on a linear problem."""
+    space = lm.VectorSpace(2)
+    filter = kind(es.Turning(space, [0.3, 0.1]))
+    start, cov = np.array([1.0, -2.0]), np.diag([0.5, 0.2]) ** 2
+    belief = filter.belief(start, [0.5, 0.2])
+    for z in ([1.3, -1.0], [1.9, -0.5], [2.2, 0.1]):
+        belief = filter.predict(belief, [0.4, 0.8], 0.5)
+        start, cov = start + 0.5 * np.array([0.4, 0.8]), cov + 0.5 * np.diag([0.3, 0.1]) ** 2
+        belief = filter.update(belief, es.Place(space, [0.2, 0.4]), z)
+        gain = cov @ np.linalg.inv(cov + np.diag([0.2, 0.4]) ** 2)
+        start, cov = start + gain @ (np.asarray(z) - start), (np.eye(2) - gain) @ cov
+    assert np.allclose(belief.g, start, rtol=1e-12) and np.allclose(belief.covariance, cov, rtol=1e-12)
 
 
 def test_an_uncertain_heading_stays_about_the_vertical_of_space() -> None:

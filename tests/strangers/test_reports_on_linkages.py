@@ -72,6 +72,14 @@ def test_a_light_link_swings_as_a_heavy_one(mass: float) -> None:
     assert np.isclose(ran(arm, period / 60, 60, {0: 0.5}, order=4).joint(0).angle[-1], 0.5, rtol=0.0, atol=1e-6)
 
 
+@pytest.mark.parametrize("rate", [9.0, -9.0])
+def test_an_angle_goes_on_over_whole_turns(rate: float) -> None:
+    """gazebosim/gazebo-classic#724, #2430, osrf/drcsim#58: angles wrapped, here or there."""
+    wheel = Linkage([Link(1.0, [0.1] * 3)], [RevoluteJoint(0, None, name="axle")], 0.0)
+    motion = ran(wheel, 0.02, 200, rates={"axle": rate}).joint("axle")
+    assert np.allclose(motion.angle, rate * 0.02 * np.arange(201), rtol=1e-12, atol=1e-12)
+
+
 @lm.record
 class Servo(lm.joints.JointForce):
     target: float
@@ -107,6 +115,30 @@ def test_a_pendulum_that_goes_over_the_top_does_so_smoothly() -> None:
     exact = solve_ivp(law, (0.0, at[-1]), [0.0, 10.0], "DOP853", t_eval=at, rtol=1e-12, atol=1e-12).y
     assert motion.angle[-1] > 3.0 * np.pi
     assert np.allclose(motion.angle, exact[0], rtol=0.0, atol=1e-3) and np.allclose(motion.rate, exact[1], atol=1e-2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("steps", [100, pytest.param(1000, marks=pytest.mark.slow)])
+def test_a_closed_loop_does_not_drift_apart(steps: int) -> None:
+    """JuliaRobotics/RigidBodyDynamics.jl#480, google-deepmind/mujoco#172, #2698: loops came apart after seconds."""
+    rods = [Link.rod(1.0, x, 0.02) for x in (1.0, 1.0, 1.0)]
+    low, high = [0.0, 0.0, -0.5], [0.0, 0.0, 0.5]
+    joints = [
+        RevoluteJoint(0, None, low, [0.0] * 3, ACROSS, ACROSS, name="crank"),
+        BallJoint(1, 0, low, high),
+        BallJoint(2, 1, low, high),
+        RevoluteJoint(2, None, high, [1.0, 0.0, 0.0], ACROSS, ACROSS, name="rocker"),
+    ]
+    loop = Linkage(rods, joints, 9.8)
+    poses = np.tile(np.eye(4), (3, 1, 1))
+    poses[0, :3, 3], poses[1, :3, 3], poses[2, :3, 3] = [0.0, 0.0, 0.5], [0.5, 0.0, 1.0], [1.0, 0.0, 0.5]
+    poses[1, :3, :3] = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+    poses[2, :3, :3] = np.diag([-1.0, 1.0, -1.0])
+    start = loop.assembled(poses, np.zeros((3, 6)))
+    run = lm.integrate(loop, lm.LieRATTLE(), start, h=0.01, steps=steps, every=steps // 20, progress=False)
+    apart = np.abs([loop.conditions_at(mu, g)[0] for mu, g in zip(run.mu, run.g, strict=True)]).max()
+    assert apart < 1e-13
+    assert np.ptp(run.energy) < 5e-3 * abs(run.energy[0])
 
 
 @pytest.mark.slow

@@ -4,10 +4,12 @@ value by a closed form, by DOP853 or by what is conserved.
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
 import liemech as lm
@@ -75,6 +77,53 @@ def test_the_first_event_backwards_ends_the_run(h: float | None) -> None:
     assert run.ended == 0 and run.t[-1] == pytest.approx(1.0, abs=1e-14)
 
 
+@pytest.mark.parametrize("method", ADAPTIVE)
+@pytest.mark.parametrize("h", [None, -0.02])
+def test_a_function_that_is_recorded_backwards_sees_the_time_of_its_sample(method: Any, h: float | None) -> None:
+    """patrick-kidger/diffrax#425, #382: it saw minus the time, and times in a falling order were refused."""
+
+    def clock(t: float, state: Any) -> float:
+        return t + 0.0 * state.mu[0]
+
+    times = np.linspace(1.0, 0.0, 5)
+    how = {"h": h, "steps": 50} if h else {"t_end": 0.0}
+    run = lm.integrate(BODY, method, START, t0=1.0, t_eval=times, record=[clock], **how)
+    assert run.t.tolist() == times.tolist() == run.clock.tolist()
+
+
+@pytest.mark.parametrize(
+    "method", [lm.StormerVerlet(), lm.Splitting(order=4), lm.Composition(lm.StormerVerlet(), order=6)]
+)
+def test_with_the_sign_of_the_step_turned_a_run_comes_back(method: Any) -> None:
+    """hannorein/rebound#615: after the sign of dt had been turned the error in the energy did not return to rounding."""
+    planet = lm.Kepler()
+    start = planet.pericentre(0.3)
+    there = lm.integrate(planet, method, start, h=0.01, steps=1000)
+    back = lm.integrate(planet, method, there.last, h=-0.01, steps=1000, t0=10.0)
+    assert np.abs(back.q[-1] - np.asarray(start.q)).max() < 1e-12
+    assert np.abs(back.energy[-1] - there.energy[0]) < 1e-13 * abs(there.energy[0])
+
+
+@pytest.mark.parametrize("speed", [1.9, 2.0**0.5, 1.0])
+@pytest.mark.parametrize("h", [-0.7, 0.7])
+def test_unbound_orbits_both_ways(speed: float, h: float) -> None:
+    """hannorein/rebound#932, #467, #127: hyperbolas with negative steps, parabolas. From a pericentre at 1 with this speed,
+    Barker's equation and those of Kepler.
+    """
+    planet = lm.Kepler()
+    start = planet.state(q=[1.0, 0.0], p=[0.0, speed])
+    run = lm.integrate(planet, lm.RKMK(order=8), start, h=h / 40, steps=400)
+    exact = solve_ivp(
+        lambda t, y: [y[2], y[3], *(-y[:2] / np.hypot(*y[:2]) ** 3)],
+        (0.0, 10.0 * h),
+        [1.0, 0.0, 0.0, speed],
+        method="DOP853",
+        rtol=1e-13,
+        atol=1e-13,
+    ).y[:, -1]
+    assert np.abs(np.concatenate([run.q[-1], run.p[-1]]) - exact).max() < 1e-9
+
+
 # ------------------------------------------------------------------ times
 
 
@@ -88,6 +137,15 @@ def test_short_steps_dense_and_events_where_they_end(method: Any) -> None:
     assert [len(times) for times, _ in run.events] == [1] * 10
     times = np.linspace(0.0, run.t[-1], 50)
     assert np.allclose(run.at(times).q[:, 0], times, rtol=0.0, atol=1e-14)
+
+
+@pytest.mark.parametrize("end", [1.0, 1e3, 1e6])
+def test_the_end_is_a_sample_where_an_input_jumps_there(end: float) -> None:
+    """patrick-kidger/diffrax#663: where a jump lay at the end, the sample there was lost for large times."""
+    start = FREE.state(q=[0.0], p=[1.0])
+    for times in ([end], [0.0, end], [end, end]):
+        run = lm.integrate(FREE, lm.RKMK(order=5), start, t_end=end, t_eval=times, breaks=[0.0, end])
+        assert run.t.tolist() == times and run.q[-1, 0] == pytest.approx(end, rel=1e-12)
 
 
 def test_a_run_begins_at_a_zero_where_an_input_jumps() -> None:
@@ -128,7 +186,86 @@ def test_samples_that_are_almost_a_step_apart(h: float) -> None:
     assert np.allclose(run.q[:, 0], times, rtol=1e-12, atol=1e-13)
 
 
+@pytest.mark.parametrize("method", [lm.RKMK(order=5), lm.RKMK(order=8)])
+def test_a_longer_run_begins_as_a_shorter_one(method: Any) -> None:
+    """hannorein/rebound#485: results at a time depended on how far the run went beyond it."""
+    short, long = [lm.integrate(BODY, method, START, rtol=1e-9, t_end=end) for end in (10.0, 30.0)]
+    count = len(short) - 1  # the last step of the shorter run is cut
+    assert np.array_equal(short.t[:count], long.t[:count]) and np.array_equal(short.mu[:count], long.mu[:count])
+    times = np.linspace(0.0, 9.0, 10)
+    assert np.array_equal(*[lm.integrate(BODY, method, START, h=0.1, steps=n).mu[:90] for n in (90, 300)])
+    for one in times:
+        assert np.allclose(short.at(one).mu, long.at(one).mu, rtol=0.0, atol=1e-8)
+
+
+def test_a_run_from_a_file_goes_on_with_the_step_that_it_had(tmp_path: Path) -> None:
+    """CliMA/Oceananigans.jl#3845, openmm/openmm#2650, espressomd/espresso#1938, hannorein/rebound#514: a checkpoint did not
+    hold the step, or what the method remembers.
+    """
+    for plan in (lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-9), lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-9, h=1e-5)):
+        plan.run(START, t_end=3.0).save(tmp_path / "run.npz")
+        part = lm.Trajectory.load(tmp_path / "run.npz")
+        here = plan.resume(plan.run(START, t_end=3.0), t_end=9.0)
+        there = plan.resume(part, t_end=9.0)
+        assert np.array_equal(here.t, there.t) and np.array_equal(here.mu, there.mu)
+        assert there.t[1] - there.t[0] > 1e-3  # no small first step
+
+
 # ------------------------------------------------------------------ maps
+
+
+@pytest.mark.parametrize("axis", [[1.0, 0.0, 0.0], [0.6, 0.0, -0.8], [2 / 3, -1 / 3, 2 / 3], [-1e-9, 1.0, 1e-5]])
+def test_rotations_near_half_a_turn_keep_their_digits(axis: Any) -> None:
+    """borglab/gtsam#1233, #2723, strasdat/Sophus#316, tussedrotten/pylie#4, facebookresearch/pytorch3d#188: logarithms were
+    off by 1e-4, by a factor of a thousand, or not a number.
+    """
+    axis = np.asarray(axis) / np.linalg.norm(axis)
+    for below in [10.0**-k for k in range(17)]:
+        angle = np.pi - below
+        found = np.asarray(ROTATIONS.log(ROTATIONS.exp(angle * axis)))
+        assert abs(np.linalg.norm(found) - angle) < 4e-15
+        assert np.abs(found - angle * axis * np.sign(found @ axis)).max() < 1e-14
+        assert below < 1e-14 or found @ axis > 0.0
+
+
+@pytest.mark.parametrize("turns", [1, -1, 3])
+@pytest.mark.parametrize("more", [1e-3, 1e-6, 1e-9, 0.0])
+def test_a_whole_turn_and_a_little_is_a_little(turns: int, more: float) -> None:
+    """borglab/gtsam#746, #780: the logarithm near multiples of whole turns had a wrong series."""
+    axis = np.array([2.0, -1.0, 2.0]) / 3.0
+    found = np.asarray(ROTATIONS.log(ROTATIONS.exp((2.0 * np.pi * turns + more) * axis)))
+    assert np.abs(found - more * axis).max() < 1e-14
+
+
+def test_rounding_of_a_rotation_is_no_reason_for_nan() -> None:
+    """OliverWu515/ommpc_controller#5, hmgoforth/PointNetLK#21: the arc cosine of a little more than one, and zero for half a
+    turn.
+    """
+    near = np.eye(3)
+    near[0, 0] += 1e-15
+    assert np.abs(np.asarray(ROTATIONS.log(near))).max() < 1e-14
+    for i in range(3):
+        half = -np.eye(3)
+        half[i, i] = 1.0
+        found = np.abs(np.asarray(ROTATIONS.log(half)))
+        assert np.allclose(found, np.pi * np.eye(3)[i], rtol=1e-15, atol=1e-15)
+
+
+@pytest.mark.parametrize("group", [lm.SO3(), lm.SE3(), lm.SE2(), lm.SE23()])
+@pytest.mark.parametrize("angle", [1e-9, 1e-4, 1.0, 3.1, np.pi - 1e-6])
+def test_the_derivative_of_a_logarithm_is_that_of_its_differences(group: Any, angle: float) -> None:
+    """strasdat/Sophus#269, #316, borglab/gtsam#2099: derivatives of the logarithm near half a turn were zero."""
+    rng = np.random.default_rng(1)
+    turn = 1 if isinstance(group, lm.SE2) else 3
+    xi = rng.normal(size=group.dim)
+    xi[:turn] *= angle / np.linalg.norm(xi[:turn])
+    eta, h = rng.normal(size=group.dim), 1e-4 * min(1.0, np.pi - angle)
+    g = group.exp(xi)
+    sides = [np.asarray(group.log(group.compose(g, group.exp(x * eta)))) for x in (h, -h, 2 * h, -2 * h)]
+    difference = (8.0 * (sides[0] - sides[1]) - (sides[2] - sides[3])) / (12.0 * h)
+    found = np.asarray(group.dexp_inv(xi, eta))
+    rounding = 1e-14 * np.abs(xi).max() / h
+    assert np.allclose(found, difference, rtol=1e-6, atol=1e-6 + rounding)
 
 
 def test_motion_between_samples_does_not_depend_on_the_frame() -> None:
@@ -234,9 +371,72 @@ def test_a_joint_that_mimics_has_ratio_and_offset(ratio: float, offset: float) -
     assert np.allclose(run.joint("two").angle, ratio * run.joint("one").angle + offset, rtol=0.0, atol=1e-12)
 
 
+# ------------------------------------------------------------------ derivatives
+
+
+@lm.record
+class Pulsed(lm.GroupEquation):
+    """A velocity about one axis by a table that jumps."""
+
+    rates: lm.PiecewisePolynomial
+
+    def velocity(self, t: float, g: Any) -> Any:
+        return lm.vec(self.rates(t))
+
+
+@pytest.mark.parametrize("how", [{"h": 0.125, "steps": 32}, {"rtol": 1e-9, "t_end": 4.0}])
+def test_the_gradient_by_values_that_hold_for_a_while(how: Any) -> None:
+    """SciML/SciMLSensitivity.jl#273, #245: the gradient by parameters that hold one after the other was that of the last.
+    Of y(4) = sum of the rates it is 1 by each.
+    """
+    rates = lm.PiecewisePolynomial.constant([0.0, 1.0, 2.0, 3.0, 4.0], [0.3, -0.2, 0.5, 1.0])
+    system = Pulsed(lm.VectorSpace(1), rates)
+    options = {name: x for name, x in how.items() if name in ("h", "rtol")}
+    plan = lm.Plan(system, lm.RKMK(order=5), compiled=False, progress=False, **options)
+    ends = {name: x for name, x in how.items() if name not in options}
+    found = plan.gradient(lambda s: s.g[0] * s.g[0], system.state(np.zeros(1)), by=("rates.values",), **ends)
+    assert found.value == pytest.approx(1.6**2, rel=1e-12)
+    assert np.allclose(np.ravel(found["rates.values"]), 2.0 * 1.6, rtol=1e-9)
+
+
 # ------------------------------------------------------------------ estimates
 
 es = lm.estimation
+
+
+@pytest.mark.slow
+def test_a_device_that_accelerates_moves() -> None:
+    """borglab/gtsam#2241: the predicted velocity and attitude changed, and the place did not. At a constant acceleration a in
+    its own axes, without turning, p = v t + a t^2/2.
+    """
+    for kind in (es.ErrorStateFilter, es.UnscentedFilter):
+        filter = kind(es.Imu([1e-6] * 3, [1e-6] * 3))
+        belief = filter.belief(np.eye(5), [1e-6] * 9)
+        for _ in range(20):
+            belief = filter.predict(belief, [0.0, 0.0, 0.0, 2.0, -1.0, 9.80665 + 0.5], 0.1)
+        columns = np.asarray(belief.g)[:3, 3:].T
+        wanted = [[4.0, -2.0, 1.0], [4.0, -2.0, 1.0]]
+        assert np.allclose(sorted(map(tuple, columns)), sorted(map(tuple, wanted)), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_the_covariance_of_the_inverse_of_a_pose() -> None:
+    """colmap/colmap#3155, microsoft/lamar-benchmark#84, artivis/manif#154: it was carried over by the adjoint of the wrong
+    pose. x = m exp(e): x^-1 = exp(-e) m^-1, so that an error on the left of m is one on the right of its inverse.
+    """
+    poses, rng = lm.SE3(), np.random.default_rng(3)
+    m = poses.exp([0.5, -1.0, 0.3, 2.0, 5.0, -1.0])
+    a = rng.normal(size=(6, 6))
+    P = 1e-6 * (a @ a.T + np.eye(6))
+    left = es.ErrorStateFilter(es.Turning(poses, [1e-3] * 6)).belief(m, P)
+    drawn = poses.compose_exp(m, rng.multivariate_normal(np.zeros(6), P, 20000))
+    back = poses.inverse(m)
+    errors = np.asarray(poses.log(poses.compose(m, poses.inverse(drawn))))  # of the inverse, on its left
+    wanted = np.cov(errors.T)
+    found = es.Belief(poses, back, P, "right").seen_from("left").covariance
+    scale = np.sqrt(np.outer(np.diag(found), np.diag(found)))
+    assert np.abs((found - wanted) / scale).max() < 0.05
+    assert np.allclose(left.seen_from("right").seen_from("left").covariance, P, rtol=1e-9, atol=1e-18)
 
 
 @pytest.mark.parametrize("width", [np.pi / 1.999, np.pi / 2.0, 3.0, 8.0])

@@ -51,6 +51,12 @@ def directions(n: int, seed: int = 0) -> Any:
     return rows / np.linalg.norm(rows, axis=1)[:, None]
 
 
+def reference(slope: Any, mu: Any, t: float) -> Any:
+    """Spins at t by DOP853, mu' = mu x dH/dmu; slope : dH/dmu of all spins, (n, 3)."""
+    law = lambda _, y: np.cross(m := y.reshape(-1, 3), slope(m)).ravel()  # noqa: E731
+    return solve_ivp(law, (0.0, t), np.ravel(mu), "DOP853", rtol=1e-12, atol=1e-13).y[:, -1].reshape(-1, 3)
+
+
 def test_a_spin_turns_about_its_field_in_the_sense_of_the_bracket() -> None:
     """SunnySuite/Sunny.jl#190, #247: the sign of the moment and the direction of time were wrong together.
     mu' = mu x dH/dmu with H = -B . mu: a spin along x in a field along z turns towards y, at the rate B.
@@ -76,6 +82,61 @@ def test_a_bond_turns_both_of_its_spins(n: int, pair: tuple[int, int]) -> None:
 
 
 @pytest.mark.slow
+def test_an_antisymmetric_bond_pushes_its_spins_as_its_energy_says() -> None:
+    """SunnySuite/Sunny.jl#57, #56: local fields of antisymmetric exchange had a wrong sign for one of the spins."""
+    n, D = 6, np.array([0.3, -0.2, 0.9])
+    system = spins(n, DzyaloshinskiiMoriya(D).over(lm.neighbours.edges([(0, 1), (2, 1), (4, 3)], n, ordered=True)))
+
+    def slope(m: Any) -> Any:
+        fields = np.zeros_like(m)
+        for a, b in ((0, 1), (2, 1), (4, 3)):
+            fields[a] += np.cross(m[b], D)
+            fields[b] += np.cross(D, m[a])
+        return fields
+
+    mu = directions(n, 1)
+    run = lm.integrate(system, lm.RKMK(order=8), system.state(mu=mu), h=0.05, steps=40)
+    assert np.allclose(run.mu[-1], reference(slope, mu, 2.0), rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_pairs_of_one_kind_given_twice_add_up() -> None:
+    """lammps/lammps#1355: values were wrong when several similar pairs were declared."""
+    n, mu = 8, directions(8, 2)
+    ring = [(k, (k + 1) % n) for k in range(n)]
+    far = [(k, (k + 3) % n) for k in range(n)]
+    J, K = np.linspace(0.5, 1.5, n), -0.4
+    system = spins(
+        n,
+        Exchange(lm.each(J)).over(lm.neighbours.edges(ring, n)),
+        Exchange(K).over(lm.neighbours.edges(far, n)),
+        Exchange(0.25).over(lm.neighbours.edges(ring, n)),
+    )
+
+    def slope(m: Any) -> Any:
+        fields = np.zeros_like(m)
+        for strengths, pairs in ((J + 0.25, ring), (np.full(n, K), far)):
+            for s, (a, b) in zip(strengths, pairs, strict=True):
+                fields[a] -= s * m[b]
+                fields[b] -= s * m[a]
+        return fields
+
+    run = lm.integrate(system, lm.RKMK(order=8), system.state(mu=mu), h=0.05, steps=40)
+    assert np.allclose(run.mu[-1], reference(slope, mu, 2.0), rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_a_second_run_of_one_plan_begins_as_the_first() -> None:
+    """lammps/lammps#2817: counters were not set back between two runs."""
+    system = spins(9, Exchange(1.0).over(lm.neighbours.square(3, 3)), Zeeman([0.0, 0.0, 1.0]))
+    plan, start = (
+        lm.Plan(system, lm.SublatticeSplitting(order=2), h=0.05, progress=False),
+        system.state(mu=directions(9)),
+    )
+    assert np.array_equal(plan.run(start, steps=7).mu, plan.run(start, steps=7).mu)
+
+
+@pytest.mark.slow
 def test_workers_come_to_an_end_where_many_spins_are_held() -> None:
     """lammps/lammps#4903: threads hung when some atoms did not take part."""
     n = 2**15
@@ -91,12 +152,48 @@ def test_workers_come_to_an_end_where_many_spins_are_held() -> None:
     assert (ends[0][1::3] != mu[1::3]).any(axis=1).all()
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("laps", [0.0, 7.0])
+def test_a_pair_that_crosses_its_box_again_and_again_moves_as_in_open_space(laps: float) -> None:
+    """lammps/lammps#1577: a molecule exploded when it crossed the border of the box for the second time.
+    The centre goes straight on, the distance swings with omega^2 = 2 k/m.
+    """
+    box, k, speed = 4.0, 3.0, laps * 4.0
+    system = masses(2, Spring(k).over(lm.neighbours.within(1.9, box=[box] * 3)))
+    p = np.array([[0.3, 0.0, speed], [-0.3, 0.0, speed]])
+    start = system.state(mu=p, g=[[0.5, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    run = lm.integrate(system, lm.KickDrift(order=4), start, h=0.005, steps=200)
+    x, omega = run.g[-1], np.sqrt(2.0 * k)
+    assert np.allclose(x.sum(axis=0), [0.5, 0.0, 2.0 * speed], rtol=0.0, atol=1e-11)
+    apart = np.array([0.5 * np.cos(omega) + 0.6 / omega * np.sin(omega), 0.0, 0.0])
+    assert np.allclose(x[0] - x[1], apart, rtol=0.0, atol=1e-8)
+
+
+def test_a_box_smaller_than_twice_the_cutoff_is_refused() -> None:
+    """openmm/openmm#5347, jax-md/jax-md#200: only the nearest image is seen, so that a pair would meet itself twice."""
+    with pytest.raises(lm.errors.InvalidInput, match="box"):
+        masses(2, Spring(1.0).over(lm.neighbours.within(1.0, box=[1.9, 5.0, 5.0])))
+
+
 def test_a_mass_of_zero_is_named() -> None:
     """hannorein/rebound#253: bodies without mass were moved wrongly by some integrators."""
     with pytest.raises(lm.errors.InvalidInput, match="mass"):
         lm.models.NBody([1.0, 0.0])
     with pytest.raises(lm.errors.InvalidInput):
         masses(2, Spring(1.0).over(lm.neighbours.chain(2)), mass=0.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("order", [2, 4])
+def test_backward_steps_lead_back(order: int) -> None:
+    """ben-cassese/jorbit#85, adrn/gala#255: steps backwards went forwards."""
+    pull = lm.Terms(lm.models.Gravity().over(lm.neighbours.all_pairs()), mass=1.0)
+    free = lm.LiePoissonSystem(lm.VectorSpace(3) ** 6, lm.PerSite(lm.KineticEnergy([1.0] * 3)))
+    system = lm.MechanicalSystem(free, pull)
+    start = system.state(mu=0.3 * directions(6, 5), g=2.0 * directions(6, 6))
+    there = lm.integrate(system, lm.KickDrift(order=order), start, h=0.01, steps=50).last
+    back = lm.integrate(system, lm.KickDrift(order=order), there, h=-0.01, steps=50)
+    assert np.allclose(back.g[-1], start.g, rtol=0.0, atol=1e-12) and back.t[-1] == pytest.approx(-0.5)
 
 
 @pytest.mark.slow
@@ -153,6 +250,32 @@ class Coulomb(lm.Term):
     def energy(self, a, b):
         d = a.g - b.g
         return a.q * b.q / lm.formulas.sqrt(lm.dot(d, d))
+
+
+@pytest.mark.slow
+def test_an_antisymmetric_exchange_that_fades_along_a_ring() -> None:
+    """fidimag#155: an antisymmetric exchange that varies in space was not taken.  Here it is some bonds of 200."""
+
+    @lm.record
+    class Fading(lm.Term):
+        x: float
+
+        def energy(self, a: Any, b: Any) -> float:
+            D = lm.formulas.exp(-((self.x - 151.0) ** 2))
+            return -lm.dot(a.mu, b.mu) + D * (a.mu[0] * b.mu[1] - a.mu[1] * b.mu[0])
+
+    n = 200
+    pairs = [(i, (i + 1) % n) for i in range(n)]
+    system = spins(n, Fading(lm.each(1.0 * np.arange(n))).over(lm.neighbours.edges(pairs)))
+    D = np.exp(-((np.arange(n) - 151.0) ** 2))[:, None] * [0.0, 0.0, 1.0]
+
+    def slope(m: Any) -> Any:
+        after = np.roll(m, -1, axis=0)
+        return -after - np.roll(m, 1, axis=0) + np.cross(after, D) + np.roll(np.cross(D, m), 1, axis=0)
+
+    mu = directions(n, 4)
+    run = lm.integrate(system, lm.RKMK(order=4), system.state(mu=mu), h=0.02, steps=20)
+    assert np.allclose(run.mu[-1], reference(slope, mu, 0.4), rtol=0.0, atol=1e-6)
 
 
 @pytest.mark.slow

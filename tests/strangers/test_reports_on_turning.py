@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -120,6 +121,37 @@ def test_moments_of_no_body_are_refused(moments: str) -> None:
         Linkage.from_urdf(text)
 
 
+# ------------------------------------------------------------------ small angles
+
+
+@pytest.mark.parametrize("angle", [1e-9, 1e-5, 6e-4, 2e-3, 8e-3, 0.03])
+def test_series_for_small_angles_have_their_factors(angle: float) -> None:
+    """strasdat/Sophus#117, #238, #108: a term of the series of half angles lacked its power of two."""
+    axis = [mpmath.mpf(1) / 3, mpmath.mpf(2) / 3, mpmath.mpf(2) / 3]
+    with mpmath.workdps(50):
+        hat = mpmath.matrix([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+        w = mpmath.mpf(angle)
+        exact = mpmath.eye(3) + mpmath.sin(w) * hat + (1 - mpmath.cos(w)) * hat * hat
+        wanted = np.array(exact.tolist(), dtype=float)
+        vector = np.array([float(w * x) for x in axis])
+        q = np.array([*[float(mpmath.sin(w / 2) * x) for x in axis], float(mpmath.cos(w / 2))])
+    eps = 2.0**-52
+    assert np.abs(np.array(ROTATIONS.exp(vector)) - wanted).max() < 2.0 * eps
+    assert np.abs(np.array(ROTATIONS.log(wanted)) - vector).max() < 4.0 * eps
+    assert np.abs(np.array(lm.UnitQuaternions().exp(vector)) - q).max() < 2.0 * eps
+    assert np.abs(np.array(lm.UnitQuaternions().log(q)) - vector).max() < 4.0 * eps * max(angle, 2.0**-20)
+
+
+def test_the_logarithm_has_a_derivative_at_the_identity() -> None:
+    """brentyi/jaxlie#9, #10: it was nan.  Along a turn it is the rate of the turn."""
+
+    def along(t: float) -> Any:
+        return ROTATIONS.log(ROTATIONS.exp(t * lm.vec(0.2, -0.5, 0.3)))
+
+    for t in (0.0, 1e-12, 1e-5):
+        assert np.allclose(lm.formulas.derivative(along, t, 1.0), [0.2, -0.5, 0.3], rtol=1e-12)
+
+
 # ------------------------------------------------------------------ observers that disturb nothing
 
 
@@ -134,6 +166,19 @@ def falling(t: float, state: Any) -> Any:
 
 
 rising.direction, falling.direction = 1, -1  # type: ignore[attr-defined]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", [{"h": 0.05}, {"rtol": 1e-10, "atol": 1e-12}], ids=["fixed", "adaptive"])
+def test_two_events_of_one_condition_are_both_met(how: dict[str, Any]) -> None:
+    """SciML/ModelingToolkit.jl#4870: of two one-sided events with the same condition one was never called.  About a body
+    with two equal moments mu_1 = cos(w t) with w = mu_3 (1/J_3 - 1/J_1) = -1 here.
+    """
+    body = lm.RigidBody([1.0, 1.0, 2.0])
+    start = body.state(mu=[1.0, 0.0, 2.0])
+    run = lm.integrate(body, lm.RKMK(order=5), start, t_end=12.0, events=[rising, falling], compiled=False, **how)
+    assert run.events[0][0] == pytest.approx([1.5 * np.pi, 3.5 * np.pi], rel=1e-6)
+    assert run.events[1][0] == pytest.approx([0.5 * np.pi, 2.5 * np.pi], rel=1e-6)
 
 
 @pytest.mark.slow
@@ -161,6 +206,25 @@ def test_what_is_observed_does_not_move_what_happens(how: dict[str, Any]) -> Non
 def float_of(t: float, state: Any) -> float:
     """The time."""
     return t
+
+
+@pytest.mark.parametrize("method", [lm.RKMK(order=5), lm.RKMK(order=8)], ids=repr)
+def test_dense_motion_backwards_at_many_times(method: Any) -> None:
+    """SciML/DifferentialEquations.jl#142, #196: of a run backwards the motion at many times at once was wrong, at each
+    alone right; scipy/scipy#9282: times of samples and the motion between were at odds.
+    """
+    body = lm.RigidBody([1.0, 1.0, 2.0])
+    start = body.state(mu=[1.0, 0.0, 2.0])
+    times = [0.0, 1.0, 1.9, 5.0, 5.0]
+    options: Any = {"t0": 5.0, "t_end": -3.0, "rtol": 1e-10, "atol": 1e-12, "dense": True, "compiled": False}
+    run = lm.integrate(body, method, start, t_eval=[5.0, 2.5, -3.0], **options)
+    assert np.array_equal(run.t, [5.0, 2.5, -3.0])
+    together = run.at(times).mu
+    assert np.array_equal(together, [run.at(t).mu for t in times])
+    # mu_1 + i mu_2 turns by mu_3 (1/J_1 - 1/J_3) = 1 a second
+    since = np.array(times) - 5.0
+    turned = np.column_stack([np.cos(since), np.sin(since)])
+    assert np.allclose(np.abs(together[:, :2]), np.abs(turned), rtol=0.0, atol=1e-7)
 
 
 # ------------------------------------------------------------------ noise in its place
