@@ -13,7 +13,7 @@ from ..errors import InvalidInput
 from ..formulas import Mat, Record, Vec, cross, derivative, dot, inverse, mat, real_array, record, solve, vec
 from ..groups.rigid.se3 import SE3, join
 from ..systems.kinetic_energy import times
-from .in_memory.reduced_equation import moved_along
+from .in_memory.multipliers import moved_along
 from .joint_forces import body
 from .joints import both
 from .link import number_of

@@ -85,7 +85,7 @@ def test_a_bond_turns_both_of_its_spins(n: int, pair: tuple[int, int]) -> None:
 def test_an_antisymmetric_bond_pushes_its_spins_as_its_energy_says() -> None:
     """SunnySuite/Sunny.jl#57, #56: local fields of antisymmetric exchange had a wrong sign for one of the spins."""
     n, D = 6, np.array([0.3, -0.2, 0.9])
-    system = spins(n, DzyaloshinskiiMoriya(D).over(lm.neighbours.edges([(0, 1), (2, 1), (4, 3)], n, ordered=True)))
+    system = spins(n, Twist(D).over(lm.neighbours.edges([(0, 1), (2, 1), (4, 3)], n, ordered=True)))
 
     def slope(m: Any) -> Any:
         fields = np.zeros_like(m)

@@ -8,13 +8,13 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ...errors import InvalidInput, InvalidType, LiemechError, require
-from ...formulas import Record, Vec, derivative, dot, plain, record, vec, vectors, where
-from ...formulas.classes.derived import derived_from
+from ...errors import InvalidInput, InvalidType, LiemechError, require, undefined
+from ...formulas import Record, Vec, derivative, dot, gradient, plain, record, vec, vectors, where
+from ...formulas.classes.derived import derived, derived_from
 from ...formulas.numbers.anything import indices_in, traced
 from ...formulas.vectors import Vec as SmallVec
 from ...formulas.vectors import small
-from ...systems.canonical import CanonicalState, CanonicalSystem
+from ...systems.canonical import CanonicalState
 from ...systems.parts import OfParts
 from .constrained import CONSISTENT, ConstrainedSystem, cross_products, eliminated
 
@@ -37,7 +37,19 @@ class ConstrainedPart(Record):
     (1.14) and (1.15).
     """
 
-    energy, velocity, force = CanonicalSystem.energy, CanonicalSystem.velocity, CanonicalSystem.force
+    def energy(self, q: Vec, p: Vec) -> float:
+        """H_i(q, p).  q, p : (n,)."""
+        raise undefined(self, "energy")
+
+    @derived
+    def velocity(self, q: Vec, p: Vec) -> Vec:
+        """dH_i/dp, (n,).  q, p : (n,)."""
+        return gradient(lambda x: self.energy(q, x), p)
+
+    @derived
+    def force(self, q: Vec, p: Vec) -> Vec:
+        """-dH_i/dq, (n,).  q, p : (n,)."""
+        return -gradient(lambda x: self.energy(x, p), q)
 
     @derived_from("energy", "velocity", "force")
     def flow(self, system: Any, q: Vec, p: Vec, t: float) -> tuple[Vec, Vec]:
