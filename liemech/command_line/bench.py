@@ -7,7 +7,6 @@ import sys
 import time
 import timeit
 import warnings
-from argparse import RawDescriptionHelpFormatter
 from collections.abc import Sequence
 from typing import Any
 
@@ -18,8 +17,7 @@ import liemech as lm
 from ..checks.points.sample_states import random_state
 from ..rooms.at_work.measured_orders import order_of
 from .constructors import imported, read
-from .numbers import duration, short
-from .options import Parser, count, number
+from .options import Parser, count, duration, number, short
 
 HALVINGS = 5
 
@@ -31,7 +29,6 @@ def bench(arguments: Sequence[str]) -> int:
         description="Measure a system: nanoseconds for a step, seconds to compile it, and the order that is observed.",
         epilog="examples:\n  liemech bench my_module:system --start my_module:start\n"
         "  liemech bench 'HeavyTop([1.0, 1.5, 0.7], 1.3, [0.6, 0.0, 0.8])' --method 'KickDrift(order=4)'",
-        formatter_class=RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
     add(
@@ -45,17 +42,15 @@ def bench(arguments: Sequence[str]) -> int:
     add("--steps", type=count, default=100_000, metavar="N", help="number of steps (100000)")
     add("--json", action="store_true", help="print the numbers as JSON")
     options = parser.parse_args(arguments)
+    system = read(options.system, lm.System, "argument module:system")
+    method = read(options.method, lm.Method, "argument --method")
+    method.require(system)
+    start = _start(options.start, system)
     try:
-        system = read(options.system, lm.System, "argument module:system")
-        method = read(options.method, lm.Method, "argument --method")
-        method.require(system)
-        start = _start(options.start, system)
         measurements = measured(system, method, start, options.h, options.steps)
     except lm.errors.IntegrationFailure as failure:
         print(f"liemech: {failure}", file=sys.stderr)
         return 1
-    except lm.errors.LiemechError as wrong:
-        parser.error(str(wrong))
     print(json.dumps(measurements) if options.json else _report(measurements))
     return 0
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from argparse import RawDescriptionHelpFormatter
 from collections.abc import Sequence
 from typing import Any
 
@@ -29,17 +28,13 @@ def check(arguments: Sequence[str]) -> int:
         "print a table.",
         epilog="examples:\n  liemech check my_module:Heisenberg\n"
         "  liemech check 'RigidBody([1.0, 2.0, 2.5])'\n  liemech check 'RKMK(order=5)'",
-        formatter_class=RawDescriptionHelpFormatter,
     )
     parser.add_argument(
         "what", metavar="module:Class", help="a class of yours, with or without arguments, or one of the library"
     )
     parser.add_argument("--json", action="store_true", help="print the verdicts as JSON")
     options = parser.parse_args(arguments)
-    try:
-        reports = _reports(read(options.what, lm.Record, "argument module:Class"))
-    except lm.errors.LiemechError as wrong:
-        parser.error(str(wrong))
+    reports = _reports(read(options.what, lm.Record, "argument module:Class"))
     if options.json:
         print(json.dumps([{"subject": r.subject, "laws": {f.law: f.verdict for f in r.findings}} for r in reports]))
     else:

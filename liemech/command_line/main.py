@@ -8,7 +8,9 @@ from collections.abc import Callable, Sequence
 from importlib import import_module
 from typing import Any
 
+from ..errors import LiemechError
 from ..names import meant
+from .options import Parser
 
 COMMANDS = {
     "run": "run", "scenes": "lists", "methods": "lists", "check": "check", "bench": "bench", "view": "view",
@@ -33,11 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from .scenes import scene_meant
 
         near = meant(words[0], COMMANDS) or scene_meant(words[0], "run ")
-        print(
-            f"liemech: {words[0]!r} is no command{near}; there are {', '.join(COMMANDS)} (--help explains)",
-            file=sys.stderr,
-        )
-        raise SystemExit(2)
+        Parser(prog="liemech").error(f"{words[0]!r} is no command{near}; there are {', '.join(COMMANDS)}")
     name, *options = words
     command: Callable[[Sequence[str]], int] = getattr(import_module(f".{COMMANDS.get(name, MAIN)}", __package__), name)
     try:
@@ -50,6 +48,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # whoever reads what is printed has had enough
         sys.stderr.close()
         return 1
+    except (LiemechError, OSError) as wrong:
+        Parser(prog="python -m liemech" if name == MAIN else f"liemech {name}").error(str(wrong))
 
 
 def _print_warning(message: Warning | str, *_: Any, **__: Any) -> None:

@@ -19,8 +19,7 @@ import liemech as lm
 
 from ..simulation.reports.drift import Drift
 from ..simulation.reports.progress import named
-from .numbers import duration, short
-from .options import Parser, count, number, picture
+from .options import Parser, count, duration, number, picture, short
 
 METHODS: dict[str, tuple[str, lm.Method]] = {
     "rkmk4": ("RKMK4", lm.RKMK(order=4)),
@@ -69,35 +68,32 @@ def main_job(arguments: Sequence[str] | None = None) -> int:
     """Run the job.  Returns the exit status: 0; 1 if a run or the picture failed; 130 after
     Ctrl-C.  Bad options exit with 2.
     """
-    options, parser = parse(arguments)
+    options = parse(arguments)
     every = -(-options.steps // SAMPLES)
     step = {"h": options.h, "steps": options.steps // every * every, "every": every}
     interrupted = False
     runs: list[tuple[str, lm.Trajectory]] = []
-    try:
-        with warnings.catch_warnings(record=True) as notes:
-            warnings.simplefilter("always")
-            body = lm.RigidBody(options.inertia)
-        start = body.state(mu=options.mu, g=np.eye(3))
-        for name, method in map(METHODS.__getitem__, options.methods):
-            try:
-                with named(name):
-                    runs.append((name, lm.integrate(body, method, start, **step)))
-            except lm.errors.IntegrationFailure as failure:
-                print(f"{name}: {failure}", file=sys.stderr)
-            except lm.errors.IntegrationInterrupted as stopped:
-                interrupted = True
-                cut = stopped.trajectory
-                print(f"{name}: interrupted at t = {cut.t[-1]:g}; the errors told are those there", file=sys.stderr)
-                if len(cut) > 1:
-                    runs.append((name, cut))
-                break
-        if interrupted and not runs:
-            return 130
-        t = step["h"] * np.arange(0, step["steps"] + 1, every)
-        exact = body.exact(start, t)
-    except lm.errors.LiemechError as wrong:
-        parser.error(str(wrong))
+    with warnings.catch_warnings(record=True) as notes:
+        warnings.simplefilter("always")
+        body = lm.RigidBody(options.inertia)
+    start = body.state(mu=options.mu, g=np.eye(3))
+    for name, method in map(METHODS.__getitem__, options.methods):
+        try:
+            with named(name):
+                runs.append((name, lm.integrate(body, method, start, **step)))
+        except lm.errors.IntegrationFailure as failure:
+            print(f"{name}: {failure}", file=sys.stderr)
+        except lm.errors.IntegrationInterrupted as stopped:
+            interrupted = True
+            cut = stopped.trajectory
+            print(f"{name}: interrupted at t = {cut.t[-1]:g}; the errors told are those there", file=sys.stderr)
+            if len(cut) > 1:
+                runs.append((name, cut))
+            break
+    if interrupted and not runs:
+        return 130
+    t = step["h"] * np.arange(0, step["steps"] + 1, every)
+    exact = body.exact(start, t)
     costs, how = [math.nan] * len(runs), "Interrupted: steps were not timed."
     if not (options.quiet or interrupted):
         costs, how = timed(body, start, runs)
@@ -240,13 +236,12 @@ def draw(body: lm.RigidBody, start: lm.BodyState, panels: list[Any], file: Path,
 # ------------------------------------------------------------------ options
 
 
-def parse(arguments: Sequence[str] | None) -> tuple[argparse.Namespace, Parser]:
-    """The options, and the parser to complain with."""
+def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
+    """The options that the arguments give."""
     parser = Parser(
         prog="python -m liemech",
         description="Follow a free rigid body by several methods, compare them with the exact motion, draw a picture.",
         epilog=PHYSICS,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     three: dict[str, Any] = {"nargs": 3, "type": number}
     add = parser.add_argument
@@ -263,4 +258,4 @@ def parse(arguments: Sequence[str] | None) -> tuple[argparse.Namespace, Parser]:
     options = parser.parse_args(arguments)
     if not any(options.mu):
         parser.error("argument --mu: a body without angular momentum stays at rest")
-    return options, parser
+    return options

@@ -1,4 +1,4 @@
-"""Options of all commands: how they complain, and how numbers are read."""
+"""Options of all commands: how they complain, and how numbers are read; numbers as people read them."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ import os
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 MOST_STEPS = 10**12  # more would take days, however fast they are
 
 
 class Parser(argparse.ArgumentParser):
-    """Bad options get one line and exit status 2; -1/2 and -1e-3 are numbers."""
+    """Bad options get one line and exit status 2; -1/2 and -1e-3 are numbers; texts are printed as they are written."""
 
-    def __init__(self, *arguments: object, **options: object) -> None:
-        super().__init__(*arguments, **options)  # type: ignore[arg-type]
+    def __init__(self, **options: object) -> None:
+        super().__init__(formatter_class=argparse.RawDescriptionHelpFormatter, **options)  # type: ignore[arg-type]
         # or -1/2 and -1e-3 would be taken for options
         self._negative_number_matcher = re.compile(r"-[.\d]")
 
@@ -77,3 +77,24 @@ def output(ending: str) -> Callable[[str], Path]:
         return writable(Path(text))
 
     return path
+
+
+def short(x: float) -> str:
+    """Two digits, in few characters."""
+    if x == 0.0 or 0.1 <= abs(x) < 1000.0:
+        return f"{x:.2g}" if abs(x) < 100.0 else f"{x:.0f}"
+    digits, exponent = f"{x:.1e}".split("e")
+    return f"{digits}e{int(exponent)}"
+
+
+def called(thing: Any) -> str:
+    """The name of a system in a line: as it is written, or by its class alone where that is long."""
+    text = repr(thing)
+    return text if len(text) <= 110 else f"{text.partition('(')[0]}(...)"
+
+
+def duration(seconds: float) -> str:
+    """Three digits, with the unit that leaves least to write."""
+    rounded = float(f"{seconds:.3g}")
+    unit, size = next(((u, s) for u, s in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6)) if rounded >= s), ("ns", 1e-9))
+    return f"{rounded / size:.6g} {unit}"

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import sys
-from argparse import RawDescriptionHelpFormatter
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from ..errors import InvalidInput, MissingExtra
+from ..errors import InvalidInput
 from ..plots.style import require_matplotlib, save, subplots
 from ..rooms.published import RESULTS
 from ..rooms.published.compared import Reproduced, reproduced, title_of
@@ -23,7 +22,6 @@ def reproduce(arguments: Sequence[str]) -> int:
         description="Compute published results again, and print theirs beside ours; without a name, list them.",
         epilog="examples:\n  liemech reproduce iftomm-a02\n  liemech reproduce all --full\n"
         "  liemech reproduce bend-45 --picture bend.png",
-        formatter_class=RawDescriptionHelpFormatter,
     )
     parser.add_argument("names", nargs="*", metavar="NAME", help="of a result, or all")
     parser.add_argument("--full", action="store_true", help="with the rows that take minutes")
@@ -31,12 +29,9 @@ def reproduce(arguments: Sequence[str]) -> int:
     options = parser.parse_args(arguments)
     if options.picture and (len(options.names) != 1 or options.names == ["all"]):
         parser.error(f"--picture draws one result, such as {next(iter(RESULTS))}")
-    try:
-        if options.picture:
-            require_matplotlib()
-        titles = {name: title_of(name) for name in (RESULTS if options.names in ([], ["all"]) else options.names)}
-    except (InvalidInput, MissingExtra) as wrong:
-        parser.error(str(wrong))
+    if options.picture:
+        require_matplotlib()
+    titles = {name: title_of(name) for name in (RESULTS if options.names in ([], ["all"]) else options.names)}
     hold = []
     for name, title in titles.items():
         print(f"{name + ':':<19}{title}", flush=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import textwrap
@@ -19,8 +18,7 @@ import liemech as lm
 from ..simulation.arguments import chooses_steps
 from ..simulation.reports.progress import WANTED
 from .constructors import read
-from .numbers import called, duration
-from .options import Parser, count, number, output, picture
+from .options import Parser, called, count, duration, number, output, picture
 from .scene import Setup
 from .scene_file import scene_file
 from .scenes import SCENES, scene_meant
@@ -39,37 +37,34 @@ examples:
 
 def run(arguments: Sequence[str]) -> int:
     """The command.  Returns the exit status: 0, 1 if the run or a file failed, 130 after Ctrl-C."""
-    options, parser = _options(arguments)
+    options = _options(arguments)
+    scene = _scene(options)
+    saved, viewed, plotted = (getattr(options, name) is not None for name in ("save", "view", "plot"))
+    refused = []
     try:
-        scene = _scene(options)
-        saved, viewed, plotted = (getattr(options, name) is not None for name in ("save", "view", "plot"))
-        refused = []
+        record = scene.parts(saved=saved, viewed=viewed, plotted=plotted)
+    except lm.errors.InvalidInput as wrong:
+        if not viewed or scene.view is not None or not (saved or plotted):
+            raise
+        # the other outputs need not be missed
+        options.view, refused = None, [f"no page: {wrong}"]
+        record = scene.parts(saved=saved, viewed=False, plotted=plotted)
+    every = scene.sampling(saved)
+    if options.explain:
+        print(explained(scene, record, every))
+        return 0
+    started, compiled, status, outcome = time.perf_counter(), WANTED.compiled, 0, ""
+    with warnings.catch_warnings(record=True) as notes:
+        warnings.simplefilter("always")
         try:
-            record = scene.parts(saved=saved, viewed=viewed, plotted=plotted)
-        except lm.errors.InvalidInput as wrong:
-            if not viewed or scene.view is not None or not (saved or plotted):
-                raise
-            # the other outputs need not be missed
-            options.view, refused = None, [f"no page: {wrong}"]
-            record = scene.parts(saved=saved, viewed=False, plotted=plotted)
-        every = scene.sampling(saved)
-        if options.explain:
-            print(explained(scene, record, every))
-            return 0
-        started, compiled, status, outcome = time.perf_counter(), WANTED.compiled, 0, ""
-        with warnings.catch_warnings(record=True) as notes:
-            warnings.simplefilter("always")
-            try:
-                trajectory = scene.run(record, every, False if options.quiet or options.json else None)
-            except (lm.errors.IntegrationFailure, lm.errors.IntegrationInterrupted) as stopped:
-                trajectory = stopped.trajectory
-                status, outcome = (
-                    (1, str(stopped)) if isinstance(stopped, lm.errors.IntegrationFailure) else (130, "interrupted")
-                )
-        compiled = WANTED.compiled - compiled
-        spent = time.perf_counter() - started - compiled
-    except lm.errors.LiemechError as wrong:
-        parser.error(str(wrong))
+            trajectory = scene.run(record, every, False if options.quiet or options.json else None)
+        except (lm.errors.IntegrationFailure, lm.errors.IntegrationInterrupted) as stopped:
+            trajectory = stopped.trajectory
+            status, outcome = (
+                (1, str(stopped)) if isinstance(stopped, lm.errors.IntegrationFailure) else (130, "interrupted")
+            )
+    compiled = WANTED.compiled - compiled
+    spent = time.perf_counter() - started - compiled
     for text in [*(str(note.message) for note in notes), *([outcome] if outcome else [])]:
         print(f"liemech: {text}", file=sys.stderr)
     if not len(trajectory):
@@ -193,13 +188,12 @@ def _data(name: str, scene: Setup, done: lm.Trajectory, spent: tuple[float, floa
     }
 
 
-def _options(arguments: Sequence[str]) -> tuple[Any, Parser]:
+def _options(arguments: Sequence[str]) -> Any:
     names = textwrap.indent(textwrap.fill(", ".join(SCENES), 76, break_on_hyphens=False), "  ")
     parser = Parser(
         prog="liemech run",
         description="Follow a scene and tell how well its constants were kept.",
         epilog=f"scenes:\n{names}\n\n{EXAMPLES}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
     add("scene", metavar="SCENE", help="one of the scenes below, or a file, scene.toml")
@@ -227,4 +221,4 @@ def _options(arguments: Sequence[str]) -> tuple[Any, Parser]:
     add("--trusted", action="store_true", help="import the modules that a file names; this runs their code")
     add("--quiet", action="store_true", help="print nothing but errors")
     add("--json", action="store_true", help="print the result as JSON")
-    return parser.parse_args(arguments), parser
+    return parser.parse_args(arguments)

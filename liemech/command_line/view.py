@@ -34,27 +34,24 @@ def view(arguments: Sequence[str]) -> int:
     add("--trusted", action="store_true", help="import whatever modules the file names; this runs their code")
     add("--out", type=output(".html"), metavar="PAGE", help="write the page there, and do not open it")
     options = parser.parse_args(arguments)
-    try:
-        if options.file.suffix == ".html":
-            if not options.file.exists():
-                raise lm.errors.InvalidInput(f"{options.file}: there is no such page")
-            page = options.file
-        else:
-            for module in options.modules:
-                imported(module, "argument --modules")
-            if options.trusted:
-                modules_of_the_folder()
-            run = lm.Trajectory.load(options.file, options.modules, options.trusted)
-            outside = [] if options.trusted else meshes_outside(run.system, options.file)
-            if outside:
-                raise lm.errors.InvalidInput(
-                    f"{options.file}: a page would hold files outside of its folder, {', '.join(outside)}; if you "
-                    "know them, --trusted shows them"
-                )
-            scene = lm.viewer.Scene(run, options.show, title=options.file.stem)
-            page = scene.save(options.out or options.file.with_suffix(".html"))
-    except (lm.errors.LiemechError, OSError) as wrong:
-        parser.error(str(wrong))
+    if options.file.suffix == ".html":
+        if not options.file.exists():
+            raise lm.errors.InvalidInput(f"{options.file}: there is no such page")
+        page = options.file
+    else:
+        for module in options.modules:
+            imported(module, "argument --modules")
+        if options.trusted:
+            modules_of_the_folder()
+        run = lm.Trajectory.load(options.file, options.modules, options.trusted)
+        outside = [] if options.trusted else meshes_outside(run.system, options.file)
+        if outside:
+            raise lm.errors.InvalidInput(
+                f"{options.file}: a page would hold files outside of its folder, {', '.join(outside)}; if you "
+                "know them, --trusted shows them"
+            )
+        scene = lm.viewer.Scene(run, options.show, title=options.file.stem)
+        page = scene.save(options.out or options.file.with_suffix(".html"))
     if options.out is None:
         webbrowser.open(page.resolve().as_uri())
     print(page)

@@ -13,8 +13,7 @@ import pytest
 
 import liemech as lm
 from liemech.command_line.main import main
-from liemech.command_line.numbers import duration, short
-from liemech.command_line.options import count, number
+from liemech.command_line.options import count, duration, number, short
 
 ARTICLE = ["--inertia", "2/3", "1", "2", "--h", "1/2"]
 # After 200 steps of h = 0.5 of the article's body: momentum error, energy error, from runs in 45
