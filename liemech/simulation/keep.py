@@ -130,7 +130,12 @@ class Every:
 
     def forget(self) -> None:
         """Forget samples beyond the place where each body stands."""
-        _forget(self.run, self.samples)
+        run, samples = self.run, self.samples
+        mark = -1 if run.lanes.mark else 0
+        for i in range(run.count):
+            n = samples.counts[i]
+            beyond = run.sign[i] * (samples.rows[:n, i, mark] - run.here[mark, i]) > 0.0
+            samples.counts[i] = n - int(beyond.sum())
 
     @property
     def rows(self) -> tuple[np.ndarray, np.ndarray]:
@@ -188,15 +193,6 @@ class Straight:
 
     def forget(self) -> None:
         """Nothing to remove: `samples_after` counts only what was reached."""
-
-
-def _forget(run: Any, samples: SampleTable) -> None:
-    """Forget samples beyond the places where the bodies stand."""
-    mark = -1 if run.lanes.mark else 0
-    for i in range(run.count):
-        n = samples.counts[i]
-        beyond = run.sign[i] * (samples.rows[:n, i, mark] - run.here[mark, i]) > 0.0
-        samples.counts[i] = n - int(beyond.sum())
 
 
 class AtTimes:
@@ -299,42 +295,8 @@ class AtTimes:
         return rows[:, 0], rows[:, 1:]
 
 
-class Dense:
-    """Whole rows of all steps of one body, for the motion between them."""
-
-    def __init__(self, run: Any) -> None:
-        self.run, self.filled = run, 1
-        self.array = np.zeros((64, run.lanes.row.width))
-        self.array[0, run.head] = run.here[:, 0]
-
-    def add(self, rows: np.ndarray) -> None:
-        """Append rows, growing the array by half where it is full."""
-        filled = self.filled + len(rows)
-        if filled > len(self.array):
-            size = max(len(self.array) + len(self.array) // 2, filled)
-            self.array.resize((size, self.array.shape[1]), refcheck=False)
-        self.array[self.filled : filled] = rows
-        self.filled = filled
-
-    def see(self, piece: PieceOfBodies) -> None:
-        """Keep the rows of all steps of the piece."""
-        self.add(piece.out[piece.turn, :, 0])
-
-    def forget(self) -> None:
-        """Forget rows beyond the place where the run stands."""
-        mark, run = self.run.lanes.mark, self.run
-        place = run.here[-1 if mark else 0, 0]
-        beyond = run.sign[0] * (self.array[: self.filled, mark] - place) > 0.0
-        self.filled -= int(beyond.sum())
-
-    @property
-    def rows(self) -> np.ndarray:
-        """Rows of all steps so far, a view."""
-        return self.array[: self.filled]
-
-
-class DenseOfBodies(Every):
-    """Whole rows of all steps of many bodies, for the motion between them."""
+class Dense(Every):
+    """Whole rows of all steps, for the motion between them."""
 
     def __init__(self, run: Any) -> None:
         self.run, heads = run, np.zeros((run.lanes.row.width, run.count))

@@ -256,7 +256,7 @@ class FictiveRun(OfClocked):
     def ends_of_steps(self) -> tuple[np.ndarray, np.ndarray]:
         if self.asked is None:
             return super().ends_of_steps()
-        rows = self.observers[-1].rows
+        rows = self.observers[-1].rows_of(0)
         return rows[:, 0], rows[:, 1:]
 
     def samples(self, i: int) -> tuple[np.ndarray, np.ndarray]:

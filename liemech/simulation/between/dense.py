@@ -232,7 +232,8 @@ class DenseOutput(MotionBetween):
 
     def moved(self, inputs: np.ndarray, times: np.ndarray, body: np.ndarray | None = None) -> np.ndarray:
         dim = kernel.examples([self.system])[0].group.dim
-        row = way_layout(self.example, dim, (inputs.shape[1] - 1 - self.width) // dim)
+        terms = (inputs.shape[1] - 1 - self.width) // dim
+        row = layout_of((self.example, (Vec(*[0.0] * dim),) * terms, 0.0))
         arguments = self.retraction, self.system, row
         what = "dense output", lambda k: f"between two steps, t = {times[k]:g}"
         return evaluated(along, arguments, inputs, self.width, self.wanted, what, body)
@@ -269,11 +270,6 @@ class DenseOutputs:
     def then(self, rest: DenseOutputs) -> DenseOutputs:
         """The motions of both runs joined body by body."""
         return DenseOutputs(tuple([x.then(y) for x, y in zip(self.bodies, rest.bodies)]))
-
-
-def way_layout(example: Any, dim: int, terms: int) -> Any:
-    """The layout of what `along` reads: state, coefficients of the way along a step, part of it."""
-    return layout_of((example, (Vec(*[0.0] * dim),) * terms, 0.0))
 
 
 @frozen(eq=False)

@@ -37,13 +37,6 @@ class Met(tuple[tuple[str, int], ...]):
 
     events: tuple[Event, ...] | None = None
 
-    @classmethod
-    def of_counts(cls, events: tuple[Event, ...], counts: list[int]) -> Met:
-        """Pair the names of these events with their counts."""
-        met = cls([(name_of(event), n) for event, n in zip(events, counts, strict=True)])
-        met.events = events
-        return met
-
     def __reduce__(self) -> Any:
         return Met, (tuple(self),)
 
@@ -137,7 +130,9 @@ class Watch:
         counts = [n + len(zeros) for n, zeros in zip(self.before, self.zeros, strict=True)]
         if self.ended is not None:
             counts[self.ended] = 0
-        return Met.of_counts(self.events, counts)
+        met = Met([(name_of(event), n) for event, n in zip(self.events, counts, strict=True)])
+        met.events = self.events
+        return met
 
 
 def crossed(event: Event, old: Any, new: Any) -> Any:

@@ -96,11 +96,6 @@ def going(clock: Any, goal: Any) -> bool:
     return clock.t != goal.t_end and clock.stuck == 0.0 and clock.steps < goal.limit
 
 
-def with_mark(clock: Any, stuck: float) -> Clock:
-    """A copy of a clock with another mark."""
-    return Clock(clock.t, clock.h, clock.error, clock.steps, clock.rejected, stuck, clock.fresh)
-
-
 @record
 class Control(Record):
     """How long steps are, and when a run has come to its end; abstract.

@@ -7,8 +7,9 @@ from typing import Any
 from ...compiler.driver import accepted, any_body, attempt, itself, read, reason, write
 from ...formulas import Record, horner, record, where
 from ...formulas.classes.layouts import NUMBER, layout_of
+from ...formulas.classes.records import with_fields
 from ...formulas.numbers.conversions import fitted
-from .control import ASKED, CLOCK, GOAL, STUCK, begun, observed, with_mark
+from .control import ASKED, CLOCK, GOAL, STUCK, begun, observed
 
 
 def on_the_way(retraction: Any, system: Any, state: Any, coefficients: Any, theta: float) -> Any:
@@ -53,7 +54,7 @@ def begin(
         write(states, 0, fitted(trial[0], layout), layout)
         write(out, 0, where(good, trial[1], read(out, 0, shown)), shown)
     stuck = where(good, clock.stuck, ASKED if failures is None else STUCK)
-    write(clocks, 0, with_mark(clock, stuck), CLOCK)
+    write(clocks, 0, with_fields(clock, stuck=stuck), CLOCK)
     if failures is not None and not good:
         failures.append(reason(trial))
 

@@ -172,20 +172,9 @@ class Execution:
                     warn(f"{error}. Running in plain Python instead, much slower", NotCompiledWarning)
             return None
 
-    def run(
-        self,
-        numbers: bytes,
-        integers: Sequence[int],
-        arrays: Sequence[np.ndarray],
-        columns: int = 1,
-        begin: int = 0,
-        end: int = 1,
-    ) -> None:
-        """Run native code for the columns of the arrays from `begin` to `end`, in whole lanes.
-
-        numbers : the bytes of the numbers of all values in turn.
-        """
-        self.native.run(numbers, integers, arrays, columns, begin, end)  # type: ignore[union-attr]
+    def run(self, *call: Any) -> None:
+        """Run native code, as `Kernel.run`, for columns of the arrays in whole lanes."""
+        self.native.run(*call)  # type: ignore[union-attr]
 
 
 def numbers_of(*values: Any) -> bytes:

@@ -110,15 +110,8 @@ class Drift:
         t : (n,), or of bodies with times of their own (n, bodies).
         states : the parts of the state by name, (n, ...), of an ensemble (n, bodies, ...).
         """
-        if len(t) < 2:
-            raise InvalidInput("Trajectory.drift needs at least two samples")
         series, terms = constants_and_terms(system, states, len(t))
-        axes = 1 + (bodies is not None)
-
-        def flat(values: np.ndarray) -> np.ndarray:
-            return values.reshape(*values.shape[:axes], -1)
-
-        return cls(tuple(_kept(name, t, flat(values), flat(terms[name])) for name, values in series.items()))
+        return cls.recorded(series, t, bodies, terms)
 
     @classmethod
     def recorded(
@@ -129,12 +122,11 @@ class Drift:
         """
         if len(t) < 2:
             raise InvalidInput("Trajectory.drift needs at least two samples")
-        axes = 1 + (bodies is not None)
-        flat, sizes = (
-            {name: values.reshape(*values.shape[:axes], -1) for name, values in table.items()}
-            for table in (series, terms or series)
-        )
-        return cls(tuple(_kept(name, t, flat[name], np.abs(sizes[name])[_some(len(t))]) for name in series))
+        axes, terms, kept = 1 + (bodies is not None), terms or series, []
+        for name, values in series.items():
+            flat, sizes = (x.reshape(*x.shape[:axes], -1) for x in (values, terms[name]))
+            kept.append(_kept(name, t, flat, np.abs(sizes)[_some(len(sizes))]))
+        return cls(tuple(kept))
 
     def __getitem__(self, name: str) -> Kept:
         for constant in self.kept:

@@ -11,11 +11,11 @@ import numpy as np
 
 from ...compiler import kernel
 from ...compiler.driver import Rejected, attempt, read, reason
-from ...compiler.machine.cache_lines import in_lines
 from ...errors import IntegrationFailure, InvalidInput, InvalidType, failure, is_mistake
 from ...formulas.classes.flattening import build, leaves
 from ...formulas.classes.layouts import Layout, layout_of
 from ...formulas.numbers.conversions import double_double, fitted
+from ...formulas.sites import in_lines
 from ...systems.system import State, member
 from .. import arguments
 from ..between.dense import MotionBetween, ShortSteps, lay_out
@@ -239,12 +239,15 @@ class EqualRun(Run):
                 plainly(i)
         stuck = clocks[MARK, :count] == STUCK
         self.unbegun = {*np.flatnonzero(stuck).tolist()}
-        mistaken = any(is_mistake(e) for raised in self.failures.values() for e in raised)
-        if stuck.all() or mistaken:
+        if stuck.all() or self._mistaken():
             raise self._nobody()
         numbers[:, :count][:, stuck] = 0.0
         if not stays and execution.native is not None and self.bodies:
             stepping.compile()
+
+    def _mistaken(self) -> bool:
+        """Whether a body has shown a mistake in a formula."""
+        return any(is_mistake(e) for raised in self.failures.values() for e in raised)
 
     def _lay_down(self, columns: np.ndarray) -> None:
         """Write the numbers of the start, a column for each body; lanes that are left over repeat the last body."""
@@ -382,13 +385,10 @@ class StraightRun(EqualRun):
         samples, stepping = self.observers[0], self.lanes.stepping
         columns = self.shape.whole(self.count)
         if self.looked < 0:
-            self.looked = self.done
-            if self.quantities:
-                self.quantities.flush()
+            self._look()
         stands = not (self.bodies or self.reached == self.done or self.open.any())
         if stands or self.reached == self.done + self.steps or self._mistaken():
-            if self.quantities:
-                self.quantities.flush()
+            self._look()
             return None
         native = stepping.native is not None
         if not self.settled and (native or stepping.wanted is False):
@@ -406,22 +406,20 @@ class StraightRun(EqualRun):
             self.pace *= 2
         elif seconds > 2 * PATIENCE:
             self.pace = max(1, self.pace // 2)
-        look = samples.full or (self.reached - self.looked) * columns >= STEPS
-        if self.quantities and look:
-            self.looked = self.reached
-            self.quantities.flush()
+        if samples.full or (self.reached - self.looked) * columns >= STEPS:
+            self._look()
         return turns * every
+
+    def _look(self) -> None:
+        """Compute the functions of the samples so far."""
+        self.looked = self.reached
+        if self.quantities:
+            self.quantities.flush()
 
     def save(self) -> None:
         """Write the run so far, with functions of all samples that are there."""
-        if self.quantities:
-            self.looked = self.reached
-            self.quantities.flush()
+        self._look()
         super().save()
-
-    def _mistaken(self) -> bool:
-        """Whether a body has shown a mistake in a formula."""
-        return any(is_mistake(e) for raised in self.failures.values() for e in raised)
 
     def _sweep(self, turns: int, every: int, pace: int) -> int:
         """Take all bodies through `turns` samples; returns the number of native calls in turn."""

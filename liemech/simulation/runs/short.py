@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from ...compiler.kernel import Kernel, address
-from ...compiler.machine.cache_lines import in_lines
 from ...formulas.classes.flattening import build, gatherer
 from ...formulas.classes.layouts import restricted
+from ...formulas.sites import in_lines
 from ...systems.system import State
 from .. import arguments
 from ..between.dense import DenseOutput, lay_out, unpacked

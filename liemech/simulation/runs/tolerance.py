@@ -43,7 +43,7 @@ from ..compiled.control import (
 from ..compiled.execution import like
 from ..compiled.lanes import Lanes
 from ..compiled.systems import OfBodies
-from ..keep import AtTimes, Dense, DenseOfBodies, Every
+from ..keep import AtTimes, Dense, Every
 from .carry import Carry
 from .jumps import stretches, until_jumps
 from .run import Run
@@ -177,13 +177,8 @@ class ToleranceRun(Run):
                 branches = stretches(jumps, t0, end)
                 self.jumps[i] = until_jumps(clocks[:, i], goals[:, i], t0, branches)
         for i in np.flatnonzero((self.t_end == self.t0) & ~self.over).tolist():
-            if self._still(i) is not None:
+            if not accepted(velocity(self.system_and_method(i)[0], self.t0.item(i), self.start_of(i)), itself):
                 clocks[MARK, i] = STUCK
-
-    def _still(self, i: int) -> Any:
-        """The rejected velocity of a body where its run begins; None if there is one."""
-        xi = velocity(self.system_and_method(i)[0], self.t0.item(i), self.start_of(i))
-        return None if accepted(xi, itself) else xi
 
     def _lanes(self) -> Lanes:
         """Layouts and native code, from other runs of the plan if their starts were alike."""
@@ -212,9 +207,8 @@ class ToleranceRun(Run):
         return lanes.of_a_run()
 
     def observe(self) -> list[Any]:
-        dense_observer = DenseOfBodies if self.bodies else Dense
         all_steps = self.dense or not (self.bodies or self.asked is not None or self.recorded)
-        observers: list[Any] = [dense_observer(self)] if all_steps else []
+        observers: list[Any] = [Dense(self)] if all_steps else []
         if self.asked is not None:
             return [AtTimes(self, self.asked), *observers]
         return observers or [Every(self, 1)]
@@ -248,10 +242,8 @@ class ToleranceRun(Run):
     # ---------------------------------------------------------------- what came of it
 
     def samples(self, i: int) -> tuple[np.ndarray, np.ndarray]:
-        first = self.observers[0]
-        if not isinstance(first, Dense):
-            return super().samples(i)
-        return first.rows[:, 0], first.rows[:, 1 : len(self.here)]
+        t, numbers = super().samples(i)
+        return t, numbers[:, : len(self.here) - 1]
 
     def known(self, i: int | None) -> dict[str, Any]:
         steps = np.where(self.over, 0.0, self.clocks[TAKEN])
@@ -268,9 +260,8 @@ class ToleranceRun(Run):
 
     def _dense(self, i: int) -> DenseOutput:
         """The dense output of body i, over its own steps."""
-        (system, method), last = self.system_and_method(i), self.observers[-1]
-        rows = last.rows_of(i) if self.bodies else last.rows
-        motion = self.lanes.example, rows, method.dense_order, self.compiled_asked
+        system, method = self.system_and_method(i)
+        motion = self.lanes.example, self.observers[-1].rows_of(i), method.dense_order, self.compiled_asked
         return DenseOutput(system, method.retraction, *motion)
 
     def carry_of(self, i: int) -> Any:
