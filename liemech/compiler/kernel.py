@@ -173,29 +173,16 @@ class Kernel:
         laid_out = array("d", numbers).tobytes(), integers, arrays, bodies
         return functools.partial(self.run, *laid_out)
 
-    def run(
-        self,
-        numbers: bytes,
-        integers: Sequence[int],
-        arrays: Sequence[Any],
-        bodies: int = 1,
-        begin: int = 0,
-        end: int = 1,
-    ) -> None:
-        """Run on arguments that are laid out already: the numbers of all values in turn, the integers, the arrays."""
-        self.on_memory(self.block(numbers, integers, arrays, bodies, begin, end), arrays)
+    def run(self, numbers: bytes, integers: Sequence[int], arrays: Sequence[Any], *bodies: int) -> None:
+        """Run on arguments that are laid out already: the numbers of all values in turn, the integers, the arrays.
 
-    def block(
-        self,
-        numbers: bytes,
-        integers: Sequence[int],
-        arrays: Sequence[Any],
-        bodies: int = 1,
-        begin: int = 0,
-        end: int = 1,
-    ) -> bytes:
+        bodies : their number, the first one and the one after the last; left out, one body alone.
+        """
+        self.on_memory(self.block(numbers, integers, arrays, *bodies), arrays)
+
+    def block(self, numbers: bytes, integers: Sequence[int], arrays: Sequence[Any], *bodies: int) -> bytes:
         """The block of memory of a call: bodies, begin and end, integers, addresses of the arrays, numbers."""
-        words = bodies, begin, end, *integers, *map(address, arrays)
+        words = *(bodies or (1, 0, 1)), *integers, *map(address, arrays)
         return struct.pack(f"{len(words)}q", *words) + numbers
 
     def on_memory(self, block: bytes, buffers: Sequence[guard_words.Buffer]) -> None:

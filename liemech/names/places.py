@@ -40,7 +40,8 @@ models > systems: inertia
 models > models.swinging: andrews constrained_pendulums exact_pendulum frames pendulums surfaces
 simulation > rooms: at_work derivatives fictive_time files
 simulation.at_work > rooms.at_work: command_blocks export measured_orders spread stepper
-systems > rooms.at_work: ramp
+systems > rooms.at_work: ramp=command_blocks
+rooms.at_work > rooms.at_work: ramp=command_blocks
 integrators > rooms.constraints: geodesic_splitting index_reduction lie_rattle lobatto_pair nonholonomic
 integrators > rooms.constraints: on_constraints rattle
 systems > rooms.constraints: conditions constrained constrained_body constrained_parts constraint
@@ -67,13 +68,13 @@ systems > rooms.sites: colouring energy_of_species graphs separable_sites sublat
 simulation.sites > rooms.sites.runs: between chains driver events execution lists plan prepared=shape run states
 simulation.sites > rooms.sites.runs: totals turns
 rooms.sites.runs > rooms.sites.runs: prepared=shape
-systems > rooms.sites.terms: among bonds_at_site bound_terms kinds_of_terms near_pairs point_terms
+systems > rooms.sites.terms: among bound_terms kinds_of_terms near_pairs point_terms
 systems > rooms.sites.terms: sums_of_terms terms terms_at_site terms_in_arrays trials_of_terms
 simulation > simulation.runs: carry course equal going_on jumps run short starts tolerance
 systems > systems: multirate=separable
 systems > systems.equations: group_equation homogeneous_equation isospectral_flow
 systems > systems.in_time: driven driven_hamiltonian driven_kinetic_energy tabulated varied_table
-systems > systems.many: common_momentum one_term site_state
+systems > systems.many: common_momentum site_state
 """
 # former package > package of today: modules that went from one to the other, with `=` under another name
 

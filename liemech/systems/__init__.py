@@ -11,7 +11,7 @@ In the order in which one reads:
     parts.py                                  energies in parts whose motion is solved
     vector_field.py, equations/               equations without an energy: in R^n, on groups, on spaces, on matrices
     in_time/                                  energies that change with time; tables (tabulated, knots), inputs
-    many/                                     states of many sites, the words by which their energies are asked, one of their terms
+    many/                                     states of many sites, the words by which their energies are asked
     agreement.py, trial.py, inertia.py        checks where a system is made: do energy, gradient and Lagrangian agree?
     input_checks.py                           checks of the starts that users give
 

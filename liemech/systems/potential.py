@@ -72,6 +72,21 @@ class NoPotential(Potential):
 
 
 @record
+class OneTerm(Potential):
+    """The force of one of the terms of a potential of many, or of its site form.
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 7.7.
+    """
+
+    terms: Any  # the potential
+    k: int  # the number of the term
+
+    def force(self, group: LieGroup, g: Element) -> Vec:
+        """The force of term k alone.  g : an element."""
+        return self.terms.force_of(group, g, self.k)
+
+
+@record
 class Force(Record):
     """A force that has no potential, or one that changes with time: friction, thrust, a driven
     field.

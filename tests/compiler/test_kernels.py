@@ -19,10 +19,9 @@ import liemech as lm
 from liemech.compiler import kept, kernel
 from liemech.compiler.changes import cache
 from liemech.compiler.driver import read, write
-from liemech.compiler.machine.cache_lines import WORTH, in_lines
 from liemech.formulas import Vec, vec
 from liemech.formulas.classes.layouts import layout_of
-from liemech.formulas.sites import LINE
+from liemech.formulas.sites import LINE, WORTH, in_lines
 
 pytestmark = pytest.mark.compiled
 

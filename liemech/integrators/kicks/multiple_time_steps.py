@@ -14,9 +14,9 @@ from ...formulas.vectors import small
 from ...systems.canonical import CanonicalState
 from ...systems.lie_poisson import BodyState
 from ...systems.many.energies import OfManySites
-from ...systems.many.one_term import OneTerm
 from ...systems.many.site_state import StateOfSites
 from ...systems.mechanical import MechanicalSystem
+from ...systems.potential import OneTerm
 from ...systems.separable import MultirateSystem
 from ...systems.vector_field import SplitField, has_flow, recognised_field
 from ..memory import Memory, Remembering

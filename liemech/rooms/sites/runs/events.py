@@ -108,7 +108,7 @@ class StepsOfSites(Moving):
         if id(event) in self.of_totals:
             return event(t, self._named(state))
         rows = state[self.layout.width :].reshape(-1, self.run.count)
-        return event(t, self.run.state_of_all(rows))
+        return event(t, self.plan._one._written_out(self.run.state_of_all(rows)))
 
     def seen(self, numbers: np.ndarray) -> tuple[Any, np.ndarray]:
         """The layout and the numbers of totals as formulas take them; no layout where an event is of all sites, which

@@ -442,7 +442,7 @@ class SiteRun(Course):
         """
         for k, numbers in enumerate(rows):
             t = self.samples.asked.item(first + k)
-            as_given = as_users_see(self.plan._one, state_of_rows(self.shape.state, numbers))
+            as_given = self.state_of_all(numbers)
             state = self.plan._one._written_out(as_given)
             for name, function in self.plan._sites.of_all.items():
                 try:
@@ -477,9 +477,8 @@ class SiteRun(Course):
         return seen.array[:, : self.count], totals[: self.samples.totals.shape[1]]
 
     def state_of_all(self, rows: np.ndarray) -> Any:
-        """The state of all sites as functions of it see it."""
-        system = self.plan._one
-        return system._written_out(as_users_see(system, state_of_rows(self.shape.state, rows)))
+        """The state of all sites, of the numbers of each, (width, sites), as users see it."""
+        return as_users_see(self.plan._one, state_of_rows(self.shape.state, rows))
 
     # ---------------------------------------------------------------- what came of it
 
@@ -516,8 +515,7 @@ class SiteRun(Course):
             return None
         memory, clock = self._memory.copy(), self.clocks[:, 0].copy()
         met = SiteCarry.met if self.events is None else self.events.each[0].met
-        state = as_users_see(self.plan._one, state_of_rows(self.shape.state, self.shape.shown_rows(memory)))
-        numbers = memory[: self.shape.lasting]
+        state, numbers = self.state_of_all(self.shape.shown_rows(memory)), memory[: self.shape.lasting]
         if not self.adaptive:
             return SiteCarry(self.t0, self.h, int(clock[TAKEN]), numbers, state, met=met)
         clock[MARK] = 0.0

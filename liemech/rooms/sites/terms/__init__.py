@@ -5,7 +5,6 @@ sums_of_terms.py                 what a system makes of it: a Hamiltonian, a pot
 terms_on_groups.py               how it is made, and what terms a system refuses
 bound_terms.py, among.py         a term with the numbers of its edges; graphs between species
 terms_at_site.py                 the energy as one site has it, in memory or written out
-bonds_at_site.py                 the bonds of a site, one of each colour
 terms_in_arrays.py               the energy of samples, on whole arrays
 kinds_of_terms.py                which terms are symmetric, or move in closed form; trials_of_terms.py what is wrong with them
 point_terms.py, near_pairs.py    terms through points that bodies carry; cutoffs and periodic boxes
