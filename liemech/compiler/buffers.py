@@ -41,26 +41,18 @@ class NativeArray:
     def read(self, k: Any, layout: Layout) -> Any:
         """Row number k, whose layout this is."""
         first = self.first(self.start(k, layout))
-        if layout.in_memory:
-            return build(in_places(layout), iter([self._part(first, *x) for x in spans(layout)]))
-        numbers = enumerate(layout.kinds)
-        return build(layout, iter([self.of_bits(self.load(first, i), kind) for i, kind in numbers]))
+        return build(in_places(layout), iter([self._part(first, *x) for x in spans(layout)]))
 
     def write(self, k: Any, value: Any, layout: Layout) -> None:
         """Set row number k.  Raises NotCompilable for a value of another layout."""
         first = self.first(self.start(k, layout))
         unchanged(value, layout)
-        if layout.in_memory:
-            parts = leaves(value, in_places(layout))
-            for x, (kind, i, form) in zip(parts, spans(layout), strict=True):
-                if kind == "large":
-                    large = self.emitter.large
-                    large.move(large.pointer(x), self.after(first[0], i), size_of(form))
-                else:
-                    self.store(first, i, self.as_bits(x, kind))
-            return
-        for i, (x, kind) in enumerate(zip(leaves(value, layout), layout.kinds, strict=True)):
-            self.store(first, i, self.as_bits(x, kind))
+        for x, (kind, i, form) in zip(leaves(value, in_places(layout)), spans(layout), strict=True):
+            if kind == "large":
+                large = self.emitter.large
+                large.move(large.pointer(x), self.after(first[0], i), size_of(form))
+            else:
+                self.store(first, i, self.as_bits(x, kind))
 
     def _part(self, first: list[ir.Value], kind: str, i: int, form: Any) -> Any:
         """A number, or the place of a copy of a large part."""
@@ -226,10 +218,6 @@ def arguments(emitter: Emitter, kinds: Any, function: ir.Function) -> list[Any]:
         counts[kind] += 1
         return b.load(place, typ=type_)
 
-    def floats() -> Any:
-        while True:
-            yield emitter.num([load(numbers, "number", F64)])
-
     def parts(layout: Layout) -> Any:
         """The numbers of a layout, and the places of what lies in memory."""
         begin = counts["number"]
@@ -243,10 +231,8 @@ def arguments(emitter: Emitter, kinds: Any, function: ir.Function) -> list[Any]:
 
     args: list[Any] = []
     for kind in kinds:
-        if isinstance(kind, Layout) and kind.in_memory:
+        if isinstance(kind, Layout):
             args.append(build(in_places(kind), parts(kind)))
-        elif isinstance(kind, Layout):
-            args.append(build(kind, floats()))
         elif kind == "integer":
             args.append(emitter.num([load(integers, "integer", I64)]))
         elif kind == "rows":

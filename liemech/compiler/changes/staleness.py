@@ -129,7 +129,7 @@ class Guard:
         expressions = [_expression(comparisons, namespace | {f"o{i}": value for i, value in enumerate(self.literals)})]
         for holder, names in modules.values():
             expression = _expression(names, holder.__globals__)
-            expressions.append(expression if expression.__builtins__ is holder.__builtins__ else _never)
+            expressions.append(expression if expression.__builtins__ is holder.__builtins__ else lambda *_: False)
         return expressions
 
     def _along(self, path: Path) -> str:
@@ -251,16 +251,9 @@ def _expression(comparisons: list[str], names: dict[str, Any]) -> Any:
     return eval(f"lambda _args, _values: {' and '.join(comparisons) or True}", names)
 
 
-def _never(*_: Any) -> bool:
-    return False
-
-
 def member_of(cls: type, after: int, name: str) -> Any:
     """The member of a class, or of its bases, from this one of the resolution order on."""
-    for c in cls.__mro__[after:]:
-        if name in vars(c):
-            return vars(c)[name]
-    return MISSING
+    return next((vars(c)[name] for c in cls.__mro__[after:] if name in vars(c)), MISSING)
 
 
 def value_read(holder: Any, how: str, name: Any) -> Any:

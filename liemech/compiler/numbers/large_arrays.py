@@ -18,7 +18,6 @@ from llvmlite import ir
 from ...errors import NotCompilable
 from ...formulas.classes.layouts import Layout
 from ...formulas.large import TOGETHER, Large, size_of
-from ...formulas.large_maps import DiagonalSolver, LinearMap
 from ...formulas.numbers.complex_numbers import Complex
 from . import large_maps
 from .counted import counted
@@ -261,6 +260,15 @@ class LargeArrays:
                 b.ret_void() if returned is None else b.ret(returned)
         return b.call(function, values)
 
+    def result(self, form: tuple[Any, ...], key: tuple[Any, ...], body: Callable[..., None], *of: Large) -> Large:
+        """A vector or matrix of this form, which a native function of its own makes of others.
+
+        body : emits its code, of their addresses and that of the result.
+        """
+        memory = self.new(form)
+        self.outlined(key, [self.address(x) for x in (*of, memory)], body)
+        return memory
+
     def _value(
         self, node: Any, sources: dict[int, ir.Value], i: ir.Value, width: int, computed: dict[int, Any]
     ) -> ir.Value:
@@ -339,13 +347,8 @@ class LargeArrays:
 
     def product(self, a: Large, b: Large) -> Large:
         """A B, by BLAS: stored by columns, B^T A^T."""
-        matrix = self.new(((a.shape[0], b.shape[1]), a.is_complex))
-        self.outlined(
-            ("product", a.form, b.form),
-            [self.address(x) for x in (a, b, matrix)],
-            lambda *places: self._multiply(a, b, *places),
-        )
-        return matrix
+        key, form = ("product", a.form, b.form), ((a.shape[0], b.shape[1]), a.is_complex)
+        return self.result(form, key, lambda *places: self._multiply(a, b, *places), a, b)
 
     def _multiply(self, a: Large, b: Large, left: ir.Value, right: ir.Value, target: ir.Value) -> None:
         (m, k), n = a.shape, b.shape[1]
@@ -407,67 +410,49 @@ class LargeArrays:
 
     def turned(self, a: Large, conjugate: bool) -> Large:
         """The transpose, of complex matrices perhaps of the conjugate, block by block."""
-        transpose = self.new((a.shape[::-1], a.is_complex))
-        self.outlined(
-            ("turned", a.form, conjugate),
-            [self.address(a), self.address(transpose)],
-            lambda source, target: self._turn(a, conjugate, source, target),
-        )
-        return transpose
+        key, form = ("turned", a.form, conjugate), (a.shape[::-1], a.is_complex)
+        return self.result(form, key, lambda *places: self._turn(a, conjugate, *places), a)
 
     def _turn(self, a: Large, conjugate: bool, source: ir.Value, target: ir.Value) -> None:
-        b, (m, n) = self.e.builder, a.shape
-        parts = 2 if a.is_complex else 1
-        signs = ir.Constant(ir.VectorType(F64, 2), [1.0, -1.0])
-
-        def place(i: ir.Value, j: ir.Value, columns: int) -> ir.Value:
-            at = b.add(b.mul(i, ir.Constant(I64, columns)), j)
-            return b.mul(at, ir.Constant(I64, parts)) if parts > 1 else at
-
+        (m, n), parts = a.shape, 2 if a.is_complex else 1
         with self.turns(m, TILE) as i0, self.turns(n, TILE) as j0, self._until(i0, m) as i, self._until(j0, n) as j:
-            x = self.load(source, place(i, j, n), parts)
-            if conjugate:
-                x = b.fmul(x, signs)
-            self.store(x, target, place(j, i, m))
+            x = self.load(source, self._place(i, j, n, parts), parts)
+            self.store(self._conjugate(x) if conjugate else x, target, self._place(j, i, m, parts))
+
+    def _place(self, i: ir.Value, j: ir.Value, columns: int, parts: int) -> ir.Value:
+        """The index of the first number of entry (i, j) of a matrix with so many columns, whose entries have one or two."""
+        b = self.e.builder
+        at = b.add(b.mul(i, ir.Constant(I64, columns)), j)
+        return b.mul(at, ir.Constant(I64, parts)) if parts > 1 else at
+
+    def _conjugate(self, x: ir.Value) -> ir.Value:
+        return self.e.builder.fmul(x, ir.Constant(ir.VectorType(F64, 2), [1.0, -1.0]))
 
     def without_adjoint(self, a: Large) -> Large:
         """A - A^H, an entry and its mirror image at a time, block by block."""
-        difference = self.new(a.form)
-        self.outlined(
-            ("without adjoint", a.form),
-            [self.address(a), self.address(difference)],
-            lambda source, target: self._less_adjoint(a, source, target),
-        )
-        return difference
+        return self.result(a.form, ("without adjoint", a.form), lambda *places: self._less_adjoint(a, *places), a)
 
     def _less_adjoint(self, a: Large, source: ir.Value, target: ir.Value) -> None:
-        b, n = self.e.builder, len(a)
-        parts = 2 if a.is_complex else 1
-        signs = ir.Constant(ir.VectorType(F64, 2), [1.0, -1.0])
+        b, n, parts = self.e.builder, len(a), 2 if a.is_complex else 1
 
-        def place(i: ir.Value, j: ir.Value) -> ir.Value:
-            at = b.add(b.mul(i, ir.Constant(I64, n)), j)
-            return b.mul(at, ir.Constant(I64, parts)) if parts > 1 else at
-
-        def conjugate(x: ir.Value) -> ir.Value:
-            return b.fmul(x, signs) if a.is_complex else x
+        def save(i: ir.Value, j: ir.Value, entry: ir.Value, mirror: ir.Value) -> None:
+            difference = b.fsub(entry, self._conjugate(mirror) if a.is_complex else mirror)
+            self.store(difference, target, self._place(i, j, n, parts))
 
         with self.turns(n) as i:
-            diagonal = self.load(source, place(i, i), parts)
-            self.store(b.fsub(diagonal, conjugate(diagonal)), target, place(i, i))
+            diagonal = self.load(source, self._place(i, i, n, parts), parts)
+            save(i, i, diagonal, diagonal)
         zero, unit = (ir.Constant(I64, x) for x in (0, 1))
         with (
             self.turns(n, TILE) as i0,
             self._range(zero, b.add(i0, unit), TILE) as j0,
             self._until(i0, n) as i,
             b.if_then(b.icmp_signed(">", i, j0)),
+            self._until(j0, i) as j,
         ):
-            end: ir.Value = b.add(j0, ir.Constant(I64, TILE))
-            end = b.select(b.icmp_signed("<", end, i), end, i)
-            with self._range(j0, end) as j:
-                x, y = (self.load(source, at, parts) for at in (place(i, j), place(j, i)))
-                self.store(b.fsub(x, conjugate(y)), target, place(i, j))
-                self.store(b.fsub(y, conjugate(x)), target, place(j, i))
+            x, y = (self.load(source, self._place(*at, n, parts), parts) for at in ((i, j), (j, i)))
+            save(i, j, x, y)
+            save(j, i, y, x)
 
     @contextlib.contextmanager
     def _range(self, begin: ir.Value, end: ir.Value, step: int = 1) -> Iterator[ir.Value]:
@@ -476,11 +461,11 @@ class LargeArrays:
             yield turn.index
 
     @contextlib.contextmanager
-    def _until(self, begin: ir.Value, count: int) -> Iterator[ir.Value]:
+    def _until(self, begin: ir.Value, count: int | ir.Value) -> Iterator[ir.Value]:
         """A loop over at most TILE indices from `begin` on, below `count`."""
         b = self.e.builder
         end: ir.Value = b.add(begin, ir.Constant(I64, TILE))
-        most = ir.Constant(I64, count)
+        most = ir.Constant(I64, count) if isinstance(count, int) else count
         end = b.select(b.icmp_signed("<", end, most), end, most)
         with self._range(begin, end) as i:
             yield i
@@ -496,13 +481,7 @@ class LargeArrays:
             self.store(b.fadd(self.load(target, at, 1), added), target, at)
         return shifted
 
-    def mapped(self, linear: LinearMap, x: Large) -> Large:
-        """The image of a linear map."""
-        return large_maps.mapped(self, linear, x)
-
-    def along_diagonals(self, solver: DiagonalSolver, x: Large) -> Large:
-        """The solution of tridiagonal equations along the diagonals."""
-        return large_maps.along_diagonals(self, solver, x)
+    mapped, along_diagonals = large_maps.mapped, large_maps.along_diagonals
 
     def entry(self, a: Large, index: Any) -> Any:
         """The number of a vector or matrix at a constant index."""

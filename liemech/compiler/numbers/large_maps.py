@@ -5,7 +5,7 @@ The tables lie in the memory of this process; `arrays` is the `LargeArrays` of t
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import functools
 from typing import Any
 
 from llvmlite import ir
@@ -18,25 +18,12 @@ from .ir_numbers import F64, I64
 
 def mapped(arrays: Any, linear: LinearMap, x: Large) -> Large:
     """The image of a linear map."""
-    return _by(_map, arrays, linear, x, linear.target)
+    return arrays.result(linear.target, ("_map", linear.content), functools.partial(_map, arrays, linear), x)
 
 
 def along_diagonals(arrays: Any, solver: DiagonalSolver, x: Large) -> Large:
     """The solution of tridiagonal equations along the diagonals, row by row."""
-    return _by(_along, arrays, solver, x, x.form)
-
-
-def _by(formula: Callable[..., None], arrays: Any, table: Any, x: Large, form: Any) -> Large:
-    """A result of this form, from x, by a native function of its own.  formula : writes it, of a table, the address of x
-    and that of the result.
-    """
-    result = arrays.new(form)
-    arrays.outlined(
-        (formula.__name__, table.content),
-        [arrays.address(x), arrays.address(result)],
-        lambda source, target: formula(arrays, table, source, target),
-    )
-    return result
+    return arrays.result(x.form, ("_along", solver.content), functools.partial(_along, arrays, solver), x)
 
 
 def _map(arrays: Any, linear: LinearMap, source: ir.Value, target: ir.Value) -> None:
@@ -49,12 +36,14 @@ def _map(arrays: Any, linear: LinearMap, source: ir.Value, target: ir.Value) -> 
         places, factors, at = (_table(arrays, linear, k, part) for part in range(3))
         with arrays.turns(len(rows)) as i:
             first = b.mul(i, ir.Constant(I64, terms))
-            if terms <= 2:
-                total = _term(arrays, places, factors, source, first)
-                for t in range(1, terms):
-                    total = b.fadd(total, _term(arrays, places, factors, source, b.add(first, ir.Constant(I64, t))))
-            else:
-                total = _terms(arrays, places, factors, source, first, terms)
+            total = _term(arrays, places, factors, source, first)
+            if terms == 2:
+                total = b.fadd(total, _term(arrays, places, factors, source, b.add(first, ir.Constant(I64, 1))))
+            elif terms > 2:
+                with counted(b, I64(1), I64(terms), values=[total]) as turn:
+                    term = _term(arrays, places, factors, source, b.add(first, turn.index))
+                    turn.values = [b.fadd(turn.values[0], term)]
+                total = turn.values[0]
             arrays.store(total, target, _integer(arrays, at, i))
 
 
@@ -110,16 +99,6 @@ def _without_trace(arrays: Any, target: ir.Value, n: int) -> None:
     with arrays.turns(n) as k:
         at = b.mul(k, step)
         arrays.store(b.fsub(arrays.load(target, at, 2), mean), target, at)
-
-
-def _terms(arrays: Any, places: ir.Value, factors: ir.Value, source: ir.Value, first: ir.Value, terms: int) -> ir.Value:
-    """The sum of many terms, from left to right."""
-    b = arrays.e.builder
-    first_term = _term(arrays, places, factors, source, first)
-    with counted(b, I64(1), I64(terms), values=[first_term]) as turn:
-        term = _term(arrays, places, factors, source, b.add(first, turn.index))
-        turn.values = [b.fadd(turn.values[0], term)]
-    return turn.values[0]
 
 
 def _term(arrays: Any, places: ir.Value, factors: ir.Value, source: ir.Value, at: ir.Value) -> ir.Value:

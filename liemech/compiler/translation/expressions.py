@@ -337,14 +337,13 @@ class Expressions(Loops):
 
     def iterate(self, value: Any) -> Iterator[Any]:
         """The items of something that is iterated over."""
-        if not isinstance(value, ItemStream):
-            if isinstance(value, Num):
-                raise NotCompilable("a number is iterated over")
-            if isinstance(value, Array):
-                return iter(list(value))
+        if isinstance(value, ItemStream):
+            return self._taken(value)
+        if isinstance(value, Num):
+            raise NotCompilable("a number is iterated over")
+        if not isinstance(value, Array):
             self.reads.settled(value)
-            return iter(list(value))
-        return self._taken(value)
+        return iter(list(value))
 
     def _taken(self, stream: ItemStream) -> Iterator[Any]:
         while True:

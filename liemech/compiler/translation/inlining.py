@@ -93,7 +93,7 @@ class Outliner:
 
     def fitting(self, layout: Layout) -> Layout:
         """The layout of a state, refused if it is too wide.  Raises TooLong."""
-        width = sum(kind != "large" for kind, *_ in spans(layout)) if layout.in_memory else layout.width
+        width = sum(kind != "large" for kind, *_ in spans(layout))
         if width > WIDEST:
             raise TooLong(
                 f"the native code would be too long: a state of {layout.width} numbers, more than "
