@@ -40,17 +40,10 @@ def smaller(x: Any, y: Any) -> Any:
     return where(y < x, y, where(y != y, y, x))
 
 
-def _largest(items: Any) -> Any:
+def _extreme(of_two: Callable[[Any, Any], Any], items: Any) -> Any:
     extreme = items[0]
     for x in items[1:]:
-        extreme = larger(extreme, x)
-    return extreme
-
-
-def _smallest(items: Any) -> Any:
-    extreme = items[0]
-    for x in items[1:]:
-        extreme = smaller(extreme, x)
+        extreme = of_two(extreme, x)
     return extreme
 
 
@@ -68,12 +61,12 @@ def total(x: Any, axis: Any = None) -> Any:
 
 def largest(x: Any, axis: Any = None) -> Any:
     """The largest component, or of each column (axis 0) or row (axis 1); nan if one is nan."""
-    return _reduced(_largest, x, axis)
+    return _reduced(lambda items: _extreme(larger, items), x, axis)
 
 
 def smallest(x: Any, axis: Any = None) -> Any:
     """The smallest component; nan if one is nan."""
-    return _reduced(_smallest, x, axis)
+    return _reduced(lambda items: _extreme(smaller, items), x, axis)
 
 
 def mean(x: Any, axis: Any = None) -> Any:

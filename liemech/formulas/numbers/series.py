@@ -33,6 +33,7 @@ def _termwise(combine: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
     """A sum or difference, of the terms of two series, or of the first one and a number."""
 
     def operator(self: Series, other: Any) -> Any:
+        other = _as_series(other)
         if isinstance(other, Series):
             return _made(lambda k: combine(self.term(k), other.term(k)), self, other)
         if not _is_number(other):
@@ -85,20 +86,19 @@ class Series(Operand):
     __sub__ = _termwise(lambda a, b: _difference(a, b))
 
     def __rsub__(self, other: Any) -> Any:
-        return Series(other) - self if _is_number(other) else NotImplemented
+        start = Series(other) if _is_number(other) else _as_series(other)
+        return start - self if isinstance(start, Series) else NotImplemented
 
     def __mul__(self, other: Any) -> Any:
+        other = _as_series(other)
         if isinstance(other, Series):
             return _multiplied(self, other)
-        if isinstance(other, InMemory):
-            return self * SeriesInMemory(other)
         return _multiple(other, self) if _is_number(other) else NotImplemented
 
     __rmul__ = __mul__
 
     def __truediv__(self, other: Any) -> Any:
-        if isinstance(other, InMemory) and not isinstance(other, Series):
-            return self / SeriesInMemory(other)
+        other = _as_series(other)
         if not isinstance(other, Series):
             return (
                 _made(lambda k: _each(lambda c: c / other, self.term(k)), self) if _is_number(other) else NotImplemented
@@ -115,9 +115,8 @@ class Series(Operand):
         return quotient.by(rule)
 
     def __rtruediv__(self, other: Any) -> Any:
-        if isinstance(other, InMemory):
-            return SeriesInMemory(other) / self
-        return Series(other) / self if _is_number(other) else NotImplemented
+        start = Series(other) if _is_number(other) else _as_series(other)
+        return start / self if isinstance(start, Series) else NotImplemented
 
     def __pow__(self, n: Any) -> Any:
         """Products for a whole exponent of few digits, so that a series may begin with zero."""
@@ -426,17 +425,6 @@ class SeriesInMemory(Series, InMemory):
     def __getitem__(self, index: Any) -> Any:
         """The series of an entry."""
         return Series().by(lambda k: _each(lambda c: c[index], self.term(k)))
-
-    def __add__(self, other: Any) -> Any:
-        return Series.__add__(self, _as_series(other))
-
-    __radd__ = __add__
-
-    def __sub__(self, other: Any) -> Any:
-        return Series.__sub__(self, _as_series(other))
-
-    def __rsub__(self, other: Any) -> Any:
-        return Series.__sub__(_as_series(other), self)
 
     def __matmul__(self, other: Any) -> Any:
         return _convolved(self, _as_series(other), lambda a, b: a @ b, SeriesInMemory())
