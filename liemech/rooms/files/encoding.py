@@ -168,7 +168,7 @@ class Decoder:
             self._refuse(value)
         (kind, content), *others = value.items()
         known_kinds: dict[str, Callable[[Any, dict[str, Any]], Any]] = {
-            "type": self._type,
+            "type": lambda given, _: self.cls(given),
             "vec": lambda given, _: Vec(*self._numbers(given)),
             "mat": lambda given, _: Mat(*self._rows(given)),
             "complex": self._complex,
@@ -255,9 +255,6 @@ class Decoder:
         )
 
     # ---------------------------------------------------------------- kinds of values
-
-    def _type(self, content: Any, _: dict[str, Any]) -> Any:
-        return self.cls(content)
 
     def _record(self, content: Any, others: dict[str, Any]) -> Any:
         cls, encoded_fields = self.cls(content), others.get("fields")

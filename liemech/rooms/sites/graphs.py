@@ -297,14 +297,29 @@ def _count(name: str, what: str, n: Any) -> int:
 
 
 @record
-class Edges(Graph):
+class Given(Graph):
+    """Edges that are given one by one, (edges, arity); abstract."""
+
+    given: np.ndarray
+
+    @property
+    def edges(self) -> np.ndarray:
+        """The edges as they were given, (edges, arity)."""
+        return self.given
+
+    @property
+    def arity(self) -> int:
+        return int(self.given.shape[1])
+
+
+@record
+class Edges(Given):
     """Edges that are given one by one, of two sites each, or of three, or more.
 
     given : (edges, arity).  count : how many sites there are.  order : is the first of an edge told
     from the second?
     """
 
-    given: np.ndarray
     count: int
     order: bool | None = None
 
@@ -327,11 +342,6 @@ class Edges(Graph):
         require_no_duplicates(self, array if order is not False or array.shape[1] > 2 else rows)
 
     @property
-    def edges(self) -> np.ndarray:
-        """The edges as they were given, (edges, arity)."""
-        return self.given
-
-    @property
     def sites(self) -> int:
         return self.count
 
@@ -339,10 +349,6 @@ class Edges(Graph):
     def ordered(self) -> bool | None:
         """Whether an edge says which of its ends comes first, as was given; None: where the term asks for it."""
         return self.order
-
-    @property
-    def arity(self) -> int:
-        return int(self.given.shape[1])
 
     def __repr__(self) -> str:
         noun = {2: "pairs", 3: "triples"}.get(self.arity, f"edges of {self.arity}")
@@ -385,13 +391,9 @@ def _numbers_of_sites(name: str, pairs: Any) -> np.ndarray:
 
 
 @record
-class Between(Graph):
-    """Edges between sites of several species, given one by one; `Term.over` takes the species.
+class Between(Given):
+    """Edges between sites of several species, given one by one, by their numbers in these; `Term.over` takes the species."""
 
-    given : (edges, arity), each number one of a site of its species.
-    """
-
-    given: np.ndarray
     sites = None  # as many as the species have
 
     def __post_init__(self) -> None:
@@ -400,15 +402,6 @@ class Between(Graph):
         object.__setattr__(self, "given", frozen_array(_numbers_of_sites(name, self.given), name))
         super().__post_init__()
         require_no_duplicates(self, self.given)
-
-    @property
-    def edges(self) -> np.ndarray:
-        """The edges as they were given, (edges, arity)."""
-        return self.given
-
-    @property
-    def arity(self) -> int:
-        return int(self.given.shape[1])
 
     def on(self, sites: int) -> Graph:
         """Raise InvalidInput: it is between species."""
