@@ -22,7 +22,7 @@ import numpy as np
 
 import liemech as lm
 
-from ..formulas.classes.nested import records_in
+from ..formulas.classes.records import records_in
 from ..groups.matrices.matrix_group import MatrixLieGroup
 from ..names import everything, meant
 from ..rooms.files.encoding import LARGEST, require_sizes

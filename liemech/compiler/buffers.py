@@ -7,8 +7,7 @@ from typing import Any
 from llvmlite import ir
 
 from ..errors import NotCompilable
-from ..formulas.classes.flattening import build, leaves
-from ..formulas.classes.layouts import Layout, carried_layout, fits
+from ..formulas.classes.layouts import Layout, build, carried_layout, fits, leaves
 from ..formulas.large import size_of
 from ..formulas.sites import TOGETHER
 from .driver import refusal

@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidType
-from ..formulas.classes.flattening import build, leaves
-from ..formulas.classes.layouts import Layout, carried_layout, difference, fits, layout_of
+from ..formulas.classes.layouts import Layout, build, carried_layout, difference, fits, layout_of, leaves
 from ..formulas.large import sum_of
 from ..formulas.numbers.bases import is_any_number
 from ..formulas.vectors import Vec

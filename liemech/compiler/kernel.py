@@ -23,9 +23,8 @@ import numpy as np
 
 from ..errors import NotCompilable
 from ..formulas.blas import on_one_thread
-from ..formulas.classes.flattening import gatherer
 from ..formulas.classes.frozen import frozen
-from ..formulas.classes.layouts import Layout, layout_of
+from ..formulas.classes.layouts import Layout, gatherer, layout_of
 from .driver import Kind, layout_of_kind
 from .kept import KERNELS, Variants
 from .machine import guard_words, interrupts

@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..formulas.calls.one_row import MADE, OneRow
-from ..formulas.classes.flattening import gatherer
-from ..formulas.classes.layouts import layout_of
+from ..formulas.classes.layouts import gatherer, layout_of
 from ..formulas.vectors import small
 from . import batch, kernel
 from .kept import SECONDS_OF_ROWS

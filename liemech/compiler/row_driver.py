@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..formulas.classes.flattening import leaves
-from ..formulas.classes.layouts import layout_of
+from ..formulas.classes.layouts import layout_of, leaves
 from . import kernel
 from .batch import DISK, FEW, WORTH, share_out
 

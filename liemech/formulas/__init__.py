@@ -7,7 +7,7 @@ driver calls, writes static loops out and emits one native function, for one bod
 SIMD lanes; all of them give the same bits as plain Python.
 
 Folders: `numbers/` are what a formula may meet in place of floats (derivatives, series, more digits), `classes/` records
-and how they lie in memory (`layouts`, `flattening`), `calls/` methods called with arrays.  `sites.py` has the words of
+and how they lie in memory (`layouts`), `calls/` methods called with arrays.  `sites.py` has the words of
 many sites, `columns.py` their values by name, `large.py` what is too large to be written out; `of_math.py` and
 `of_numpy.py` say which formula stands for a function of `math` or NumPy.
 """

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidType
-from .classes.flattening import build, leaves
-from .classes.layouts import Layout, carried_layout, difference, fits
+from .classes.layouts import Layout, build, carried_layout, difference, fits, leaves
 from .classes.records import Record
 from .numbers.conversions import fitted
 from .sites import present_site

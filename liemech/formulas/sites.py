@@ -20,8 +20,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
-from .classes.flattening import build, leaves
-from .classes.layouts import carried_layout
+from .classes.layouts import build, carried_layout, leaves
 from .classes.records import Record, record
 from .functions import where
 from .numbers.conversions import as_others_see

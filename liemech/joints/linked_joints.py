@@ -10,8 +10,7 @@ import numpy as np
 from ..compiler.sites.planes import Planes, columns
 from ..formulas import Mat, Record, Vec, record, vec
 from ..formulas.classes.derived import is_derived
-from ..formulas.classes.flattening import leaves
-from ..formulas.classes.layouts import layout_of
+from ..formulas.classes.layouts import layout_of, leaves
 from ..formulas.classes.records import with_fields
 from ..formulas.classes.signatures import bare
 from ..formulas.sites import EIGHT, padded

@@ -13,7 +13,7 @@ MOVED = """
 formulas > formulas.calls: arguments batches broadcasting lanes one_row
 formulas > formulas.classes: annotations derived fields frozen of_each overriding pytree=layouts records remembered
 formulas > formulas.classes: signatures taken_back
-formulas.classes > formulas.classes: pytree=layouts
+formulas.classes > formulas.classes: flattening=layouts nested=records pytree=layouts
 formulas > formulas.numbers: anything compensated complex_numbers double_double dual philox products series
 formulas > formulas.numbers: series_of_sites sizes ways
 . > groups: retractions

@@ -9,8 +9,7 @@ from typing import Any
 
 from ..errors import InvalidInput, NotCompilable
 from ..formulas.classes.exact_keys import exact_key
-from ..formulas.classes.flattening import leaves
-from ..formulas.classes.layouts import layout_of
+from ..formulas.classes.layouts import layout_of, leaves
 from ..formulas.classes.signatures import spelt
 from ..integrators.method import Method
 from ..systems.system import State, System

@@ -9,8 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..formulas.classes.flattening import build
-from ..formulas.classes.layouts import layout_of
+from ..formulas.classes.layouts import build, layout_of
 from ..systems.system import small_state, state_of
 from .between.dense import DenseOutput, DenseOutputs, flat, unpacked
 from .stopped import NONE, Stopped

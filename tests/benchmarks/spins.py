@@ -23,7 +23,7 @@ from baseline import FLAGS
 from harness import table, write
 
 import liemech as lm
-from liemech.formulas.classes.nested import records_in
+from liemech.formulas.classes.records import records_in
 from liemech.formulas.sites import EIGHT, SiteTable
 from liemech.rooms.sites.parts_of_spins import Sublattices
 

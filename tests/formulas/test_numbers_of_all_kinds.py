@@ -14,8 +14,7 @@ import pytest
 from liemech import formulas as f
 from liemech.errors import InvalidInput
 from liemech.formulas import Complex, Mat, Vec, derivative, record, vec
-from liemech.formulas.classes.flattening import build, leaves
-from liemech.formulas.classes.layouts import layout_of
+from liemech.formulas.classes.layouts import build, layout_of, leaves
 from liemech.formulas.classes.records import Record
 from liemech.formulas.derivatives import tangent
 from liemech.formulas.functions import fma

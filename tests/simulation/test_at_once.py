@@ -15,8 +15,7 @@ from scenes import Fenced
 import liemech as lm
 from liemech.compiler.changes.staleness import Guard
 from liemech.errors import IncompatibleSystem, IntegrationFailure, InvalidInput
-from liemech.formulas.classes.flattening import gatherer, leaves
-from liemech.formulas.classes.layouts import layout_of
+from liemech.formulas.classes.layouts import gatherer, layout_of, leaves
 from liemech.formulas.numbers.conversions import compensated
 from liemech.simulation.runs.equal import StraightRun
 

@@ -17,8 +17,7 @@ from scenes import CAYLEY, EXP, asymmetric_body, heavy_top, named, same_bits, sl
 import liemech as lm
 from liemech.errors import InvalidInput, InvalidType
 from liemech.formulas import acos, asin, atan2, cbrt, cos, cosh, exp, log, pow, sin, sqrt, tanh
-from liemech.formulas.classes.flattening import build, leaves
-from liemech.formulas.classes.layouts import layout_of
+from liemech.formulas.classes.layouts import build, layout_of, leaves
 from liemech.formulas.numbers.conversions import double_double
 from liemech.formulas.numbers.double_double import DoubleDouble
 from liemech.groups.rigid import rotation_coefficients

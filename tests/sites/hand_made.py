@@ -11,8 +11,7 @@ from liemech.compiler import kernel
 from liemech.compiler.sites.planes import Planes, load
 from liemech.compiler.sites.site_calls import SiteCalls
 from liemech.formulas import sqrt
-from liemech.formulas.classes.flattening import leaves
-from liemech.formulas.classes.layouts import carried_layout, layout_of
+from liemech.formulas.classes.layouts import carried_layout, layout_of, leaves
 from liemech.formulas.numbers.conversions import fitted, rounded
 from liemech.formulas.sites import SiteTable, meet, one_site, padded, rows_of
 from liemech.formulas.vectors import small

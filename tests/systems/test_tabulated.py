@@ -13,8 +13,7 @@ import pytest
 import liemech as lm
 from liemech import errors
 from liemech.compiler import kernel
-from liemech.formulas.classes.flattening import build, gatherer, leaves
-from liemech.formulas.classes.layouts import layout_of
+from liemech.formulas.classes.layouts import build, gatherer, layout_of, leaves
 
 RNG = np.random.default_rng(14)
 KNOTS = np.concatenate([[0.0], np.sort(RNG.uniform(0.0, 10.0, 18)), [10.0]])

@@ -13,7 +13,7 @@ import numpy as np
 from ...compiler import kernel
 from ...errors import NotDefined
 from ...formulas import derivative, dot, gradient, jacobian, vec
-from ...formulas.classes.nested import records_in
+from ...formulas.classes.records import records_in
 from ...integrators.rkmk import RKMK
 from ...rooms.constraints.constrained import ConstrainedSystem, SeparableConstrainedSystem
 from ...rooms.constraints.constrained_body import BoundBody, ConstrainedBody

@@ -9,8 +9,7 @@ import numpy as np
 from llvmlite import ir
 
 from ...formulas import tables
-from ...formulas.classes.flattening import build, leaves
-from ...formulas.classes.layouts import Layout, carried_layout
+from ...formulas.classes.layouts import Layout, build, carried_layout, leaves
 from ...formulas.tables import Table
 from ...formulas.vectors import Vec
 from ..driver import HUGE

@@ -11,8 +11,7 @@ from llvmlite import ir
 
 from ...errors import NotCompilable
 from ...formulas.calls import lanes as words
-from ...formulas.classes.flattening import build, leaves
-from ...formulas.classes.layouts import layout_of
+from ...formulas.classes.layouts import build, layout_of, leaves
 from ...formulas.numbers.bases import is_any_number
 from ..translation.joins import Open
 from .ir_numbers import F64, I32, Num

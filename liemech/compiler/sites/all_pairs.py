@@ -8,8 +8,7 @@ from typing import Any
 from llvmlite import ir
 
 from ...errors import NotCompilable
-from ...formulas.classes.flattening import build, leaves
-from ...formulas.classes.layouts import carried_layout
+from ...formulas.classes.layouts import build, carried_layout, leaves
 from ...formulas.numbers.conversions import with_slopes
 from ...formulas.sites import EIGHT, Meeting
 from ..numbers.arrays import vector

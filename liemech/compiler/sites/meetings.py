@@ -11,8 +11,7 @@ from llvmlite import ir
 
 from ...errors import NotCompilable
 from ...formulas import sites as words
-from ...formulas.classes.flattening import build, leaves
-from ...formulas.classes.layouts import Layout, carried_layout, layout_of
+from ...formulas.classes.layouts import Layout, build, carried_layout, layout_of, leaves
 from ...formulas.numbers import series_of_sites
 from ...formulas.numbers.bases import is_any_number
 from ...formulas.numbers.conversions import as_others_see

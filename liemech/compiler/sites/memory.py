@@ -13,8 +13,7 @@ from llvmlite import ir
 
 from ...errors import NotCompilable
 from ...formulas import sites as words
-from ...formulas.classes.flattening import build, leaves
-from ...formulas.classes.layouts import Layout
+from ...formulas.classes.layouts import Layout, build, leaves
 from ...formulas.columns import Column, columns_of
 from ...formulas.numbers.conversions import fitted
 from ...formulas.sites import EIGHT, FAR, SiteArray, SiteTable

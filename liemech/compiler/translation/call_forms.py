@@ -16,8 +16,7 @@ from llvmlite import ir
 
 from ...errors import NotCompilable
 from ...formulas.classes.layouts import Layout, layout_of
-from ...formulas.classes.nested import of_parts, parts_of
-from ...formulas.classes.records import Record
+from ...formulas.classes.records import Record, of_parts, parts_of
 from ...formulas.numbers.pairs import PAIRS
 from ...formulas.tables import Table
 from ...formulas.vectors import Mat, Vec

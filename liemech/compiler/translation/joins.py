@@ -18,8 +18,7 @@ from typing import Any
 from llvmlite import ir
 
 from ...errors import NotCompilable
-from ...formulas.classes.flattening import build, leaves
-from ...formulas.classes.layouts import layout_of
+from ...formulas.classes.layouts import build, layout_of, leaves
 from ...formulas.classes.taken_back import back
 from ...formulas.numbers.bases import is_any_number
 from ...formulas.numbers.compensated import Compensated

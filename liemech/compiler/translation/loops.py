@@ -14,8 +14,7 @@ from typing import Any
 from llvmlite import ir
 
 from ...errors import NotCompilable
-from ...formulas.classes.flattening import build, leaves
-from ...formulas.classes.layouts import Layout, layout_of
+from ...formulas.classes.layouts import Layout, build, layout_of, leaves
 from ...formulas.numbers.bases import is_any_number
 from ...formulas.numbers.forms import LinearForm, factors_of, now
 from ..driver import is_part_of_driver

@@ -24,11 +24,9 @@ import numpy as np
 from ...errors import InvalidInput, InvalidType, NotCompilable
 from ...formulas import functions, large, sums, tables, vectors
 from ...formulas.classes.fields import converters
-from ...formulas.classes.flattening import floats_in, leaves, with_floats
-from ...formulas.classes.layouts import layout_of
-from ...formulas.classes.nested import records_in, with_records
+from ...formulas.classes.layouts import floats_in, layout_of, leaves, with_floats
 from ...formulas.classes.overriding import kept
-from ...formulas.classes.records import Record, fill, with_fields
+from ...formulas.classes.records import Record, fill, records_in, with_fields, with_records
 from ...formulas.classes.signatures import bare
 from ...formulas.derivatives import axes, carried, tangent
 from ...formulas.large_maps import DiagonalSolver, LinearMap

@@ -7,10 +7,8 @@ from collections.abc import Callable
 from typing import Any
 
 from ...errors import IncompatibleSystem
-from ..classes.flattening import build
-from ..classes.layouts import Layout
-from ..classes.nested import of_parts, parts_of
-from ..classes.records import Record
+from ..classes.layouts import Layout, build
+from ..classes.records import Record, of_parts, parts_of
 from ..vectors import Mat, Vec
 from .bases import is_number
 from .compensated import Compensated, value_of

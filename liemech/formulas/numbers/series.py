@@ -19,8 +19,7 @@ from typing import Any, cast
 
 from ...errors import InvalidType, NotCompilable
 from .. import functions as f
-from ..classes.flattening import build, leaves
-from ..classes.layouts import layout_of
+from ..classes.layouts import build, layout_of, leaves
 from ..classes.records import fields_of, fill
 from ..classes.taken_back import noted
 from ..vectors import Vec, vec

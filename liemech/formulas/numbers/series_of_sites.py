@@ -15,8 +15,7 @@ import functools
 from collections.abc import Callable
 from typing import Any
 
-from ..classes.flattening import build, leaves
-from ..classes.layouts import layout_of
+from ..classes.layouts import build, layout_of, leaves
 from ..classes.taken_back import noted
 from ..vectors import Vec
 from .bases import is_any_number

@@ -13,8 +13,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from ...errors import IncompatibleSystem
-from ..classes.nested import of_parts, parts_of
-from ..classes.records import Record, fields_of, fill, record
+from ..classes.records import Record, fields_of, fill, of_parts, parts_of, record
 from ..derivatives import BELOW, axes, derivative
 from ..vectors import Mat, Vec, vec
 from .dual import Dual

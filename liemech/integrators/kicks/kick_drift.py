@@ -8,7 +8,7 @@ import numpy as np
 
 from ...errors import IncompatibleSystem, InvalidInput, NoConvergence, require
 from ...formulas import Mat, Vec, dot, identity_matrix, jacobian, plain, record, vec
-from ...formulas.classes.nested import with_records
+from ...formulas.classes.records import with_records
 from ...formulas.numbers.conversions import moving_as
 from ...formulas.numbers.transposes import is_pulled
 from ...formulas.numbers.ways import ANY, MOVING, AnyFunction, Number, Ways, values_of

@@ -9,8 +9,7 @@ import itertools
 from typing import Any, ClassVar
 
 from ...formulas import Mat, Record, Vec, dot, mat, plain, record, vec, vectors, where
-from ...formulas.classes.flattening import build
-from ...formulas.classes.layouts import Layout, carried_layout, layout_of, matrix, vector
+from ...formulas.classes.layouts import Layout, build, carried_layout, layout_of, matrix, vector
 from ...formulas.classes.records import with_fields
 from ...formulas.columns import named
 from ...formulas.numbers.conversions import with_slopes

@@ -20,8 +20,7 @@ import numpy as np
 
 from ...compiler.sites.planes import columns, each
 from ...formulas import Mat, Vec, derivative, dot, mat, plain, vec, vectors
-from ...formulas.classes.flattening import floats_in, with_floats
-from ...formulas.classes.layouts import Layout, vector
+from ...formulas.classes.layouts import Layout, floats_in, vector, with_floats
 from ...formulas.classes.records import with_fields
 from ...formulas.columns import named
 from ...formulas.numbers.transposes import AtElement, pulled_back

@@ -10,9 +10,8 @@ from typing import Any
 
 from ...compiler import kernel
 from ...errors import IncompatibleSystem, InvalidInput, InvalidType, NotCompilable
-from ...formulas.classes.flattening import gatherer, leaves
 from ...formulas.classes.frozen import frozen
-from ...formulas.classes.layouts import Layout, layout_of
+from ...formulas.classes.layouts import Layout, gatherer, layout_of, leaves
 from ...formulas.tables import Table
 from ...simulation.compiled.control import CLOCK, FRESH, GOAL, MARK, STRAIGHT, TAKEN, TIME
 from ...simulation.compiled.parameters import Input, full_name

@@ -13,8 +13,7 @@ import numpy as np
 
 from ...compiler.kernel import Kernel, Several
 from ...errors import IntegrationInterrupted, InvalidInput
-from ...formulas.classes.flattening import build, gatherer
-from ...formulas.classes.layouts import layout_of
+from ...formulas.classes.layouts import build, gatherer, layout_of
 from ...simulation import arguments
 from ...simulation.between.dense import unpacked
 from ...simulation.compiled.control import FRESH, MARK, ORIGIN, STEP, STRAIGHT, TAKEN

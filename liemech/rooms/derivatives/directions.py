@@ -10,8 +10,7 @@ import numpy as np
 
 from ...errors import IncompatibleSystem, InvalidInput
 from ...formulas import Vec, record
-from ...formulas.classes.flattening import build, leaves
-from ...formulas.classes.layouts import Layout, layout_of
+from ...formulas.classes.layouts import Layout, build, layout_of, leaves
 from ...formulas.classes.records import fields_of
 from ...formulas.numbers.dual import Dual
 from ...formulas.vectors import small

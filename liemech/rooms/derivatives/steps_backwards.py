@@ -26,8 +26,7 @@ from typing import Any
 
 from ...errors import undefined
 from ...formulas import Record, Vec, derivative, record, vec
-from ...formulas.classes.nested import records_in, with_records
-from ...formulas.classes.records import fields_of, with_fields
+from ...formulas.classes.records import fields_of, records_in, with_fields, with_records
 from ...formulas.derivatives import carried
 from ...formulas.numbers.transposes import pulled_back
 from ...formulas.sites import each_site

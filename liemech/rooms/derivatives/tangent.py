@@ -13,8 +13,7 @@ import numpy as np
 
 from ...errors import IncompatibleSystem, InvalidInput
 from ...formulas import record
-from ...formulas.classes.flattening import leaves
-from ...formulas.classes.layouts import Layout, layout_of
+from ...formulas.classes.layouts import Layout, layout_of, leaves
 from ...formulas.numbers.conversions import with_slopes
 from ...formulas.tables import Table, entry
 from ...integrators.ending_at_jumps import cuts, sees_powers

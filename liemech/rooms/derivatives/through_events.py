@@ -22,8 +22,7 @@ import numpy as np
 
 from ...errors import IncompatibleSystem, InvalidInput
 from ...formulas import Vec
-from ...formulas.classes.flattening import build, leaves
-from ...formulas.classes.layouts import layout_of, restricted
+from ...formulas.classes.layouts import build, layout_of, leaves, restricted
 from ...formulas.numbers.conversions import resting
 from ...formulas.numbers.dual import Dual
 from ...formulas.numbers.sizes import EPSILON

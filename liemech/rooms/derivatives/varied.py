@@ -11,8 +11,7 @@ import numpy as np
 
 from ...compiler.kernel import Several
 from ...formulas import Vec
-from ...formulas.classes.flattening import build, leaves
-from ...formulas.classes.layouts import layout_of
+from ...formulas.classes.layouts import build, layout_of, leaves
 from ...formulas.numbers.dual import Dual
 from ...formulas.tables import Table
 from .frames import LEVEL

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from ...errors import InvalidInput
-from ...formulas.classes.flattening import build, leaves
-from ...formulas.classes.layouts import layout_of
-from ...formulas.classes.nested import with_records
+from ...formulas.classes.layouts import build, layout_of, leaves
+from ...formulas.classes.records import with_records
 from ...simulation.compiled.parameters import full_name, parameter
 from ...systems.in_time.inputs import inputs
 from ...systems.in_time.tabulated import PiecewisePolynomial

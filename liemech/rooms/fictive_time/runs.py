@@ -12,7 +12,7 @@ import numpy as np
 
 from ...compiler.driver import read
 from ...errors import IntegrationFailure, InvalidInput, InvalidTimeScale, StepTooSmall, StepWarning, warn
-from ...formulas.classes.flattening import build, leaves
+from ...formulas.classes.layouts import build, leaves
 from ...simulation import arguments
 from ...simulation.between.dense import unpacked
 from ...simulation.compiled.control import ANEW, GOAL, LAST_TIME, LIMIT, MARK, STUCK, TAKEN, TIME, Fictive, sample

@@ -17,7 +17,7 @@ import numpy as np
 
 from ...errors import FileWarning, IntegrationFailure, InvalidInput, MissingExtra, warn
 from ...formulas.classes.layouts import layout_of
-from ...formulas.classes.nested import records_in
+from ...formulas.classes.records import records_in
 from ...groups.composed.power import PowerGroup
 from ...groups.composed.species import SpeciesGroup
 from ...integrators.ending_at_jumps import ending_at_jumps

@@ -22,9 +22,8 @@ import numpy as np
 from ...errors import FormulaWarning, InvalidInput, warn
 from ...formulas import Record
 from ...formulas.classes.fields import FrozenDict
-from ...formulas.classes.flattening import build, gatherer
 from ...formulas.classes.frozen import frozen
-from ...formulas.classes.layouts import layout_of
+from ...formulas.classes.layouts import build, gatherer, layout_of
 from ...formulas.classes.of_each import Each
 from ...formulas.classes.records import known, refilled
 from ...formulas.large import Large

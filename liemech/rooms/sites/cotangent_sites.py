@@ -9,8 +9,7 @@ import numpy as np
 
 from ...errors import InvalidInput
 from ...formulas import Element, Vec, record
-from ...formulas.classes.nested import records_in
-from ...formulas.classes.records import with_fields
+from ...formulas.classes.records import records_in, with_fields
 from ...groups.lie_group import LieGroup
 from ...systems.cotangent import CotangentSystem, DrivenCotangentSystem, EnergyOnCotangent
 from ...systems.lie_poisson import of_group

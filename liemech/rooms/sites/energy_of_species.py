@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ...formulas import Mat, Vec, record
-from ...formulas.classes.nested import records_in, with_records
 from ...formulas.classes.of_each import Each, each
+from ...formulas.classes.records import records_in, with_records
 from ...groups.composed.one_of import chosen, lengthened, widened
 from ...groups.composed.product import entries
 from ...groups.composed.species import SpeciesGroup

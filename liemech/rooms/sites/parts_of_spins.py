@@ -10,8 +10,7 @@ import numpy as np
 
 from ...formulas import Record, Vec, plain, record, vec
 from ...formulas.classes.fields import frozen_array
-from ...formulas.classes.nested import records_in, with_records
-from ...formulas.classes.records import with_fields
+from ...formulas.classes.records import records_in, with_fields, with_records
 from ...formulas.numbers.ways import APART
 from ...formulas.sites import SiteArray, SiteTable, own, padded, rows_of
 from ...formulas.tables import Table

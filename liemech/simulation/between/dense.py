@@ -14,9 +14,8 @@ from ...compiler import kernel
 from ...compiler.driver import accepted, any_body, attempt, itself, read, reason, write
 from ...errors import IncompatibleSystem, InvalidInput, failure, is_mistake
 from ...formulas import Vec, real_array, where
-from ...formulas.classes.flattening import build, leaves
 from ...formulas.classes.frozen import frozen
-from ...formulas.classes.layouts import NUMBER, layout_of
+from ...formulas.classes.layouts import NUMBER, build, layout_of, leaves
 from ...formulas.numbers.conversions import rounded
 from ...integrators.ending_at_jumps import AT_ENDS
 from ...systems.system import state_of

@@ -14,8 +14,7 @@ import numpy as np
 
 from ...compiler import kernel
 from ...errors import NotCompilable, NotCompiledWarning, warn
-from ...formulas.classes.flattening import gatherer
-from ...formulas.classes.layouts import layout_of
+from ...formulas.classes.layouts import gatherer, layout_of
 from ..reports.progress import notice
 
 LOOK = 0.02

@@ -14,8 +14,7 @@ import numpy as np
 
 from ...errors import InvalidInput
 from ...formulas import Record
-from ...formulas.classes.flattening import build, gatherer, leaves
-from ...formulas.classes.layouts import Layout, layout_of
+from ...formulas.classes.layouts import Layout, build, gatherer, layout_of, leaves
 from ...formulas.tables import Table
 from ...systems.lie_poisson import LiePoissonSystem
 

@@ -11,9 +11,8 @@ import numpy as np
 
 from ...compiler import kernel
 from ...errors import IncompatibleSystem
-from ...formulas.classes.flattening import build, leaves
 from ...formulas.classes.frozen import frozen
-from ...formulas.classes.layouts import Layout, carried_layout, layout_of
+from ...formulas.classes.layouts import Layout, build, carried_layout, layout_of, leaves
 from ...formulas.numbers.conversions import compensated, double_double, fitted
 from ...integrators.ending_at_jumps import ending_at_jumps
 from ...integrators.method import Method

@@ -10,8 +10,8 @@ import numpy as np
 
 from ...errors import InvalidInput
 from ...formulas.classes.layouts import layout_of
-from ...formulas.classes.nested import records_in, with_records
 from ...formulas.classes.of_each import Each
+from ...formulas.classes.records import records_in, with_records
 from ...formulas.classes.remembered import Remembered
 from ...integrators.method import Method
 from ...systems.many.energies import OfManySites

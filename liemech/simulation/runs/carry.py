@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...errors import InvalidInput
-from ...formulas.classes.flattening import build
 from ...formulas.classes.frozen import frozen
+from ...formulas.classes.layouts import build
 from ...systems.system import State, member, state_of
 from ..between.dense import unpacked
 from ..between.events import NO_EVENTS, Met

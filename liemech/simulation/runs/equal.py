@@ -12,8 +12,7 @@ import numpy as np
 from ...compiler import kernel
 from ...compiler.driver import Rejected, attempt, read, reason
 from ...errors import IntegrationFailure, InvalidInput, InvalidType, failure, is_mistake
-from ...formulas.classes.flattening import build, leaves
-from ...formulas.classes.layouts import Layout, layout_of
+from ...formulas.classes.layouts import Layout, build, layout_of, leaves
 from ...formulas.numbers.conversions import double_double, fitted
 from ...formulas.sites import in_lines
 from ...systems.system import State, member

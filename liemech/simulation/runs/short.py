@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 
 from ...compiler.kernel import Kernel, address
-from ...formulas.classes.flattening import build, gatherer
-from ...formulas.classes.layouts import restricted
+from ...formulas.classes.layouts import build, gatherer, restricted
 from ...formulas.sites import in_lines
 from ...systems.system import State
 from .. import arguments

@@ -12,9 +12,8 @@ import numpy as np
 from ...compiler import kernel
 from ...compiler.driver import accepted, attempt, itself, reason
 from ...errors import InvalidInput, InvalidType, StepTooSmall, failure, is_mistake
-from ...formulas.classes.flattening import build
 from ...formulas.classes.frozen import frozen
-from ...formulas.classes.layouts import layout_of
+from ...formulas.classes.layouts import build, layout_of
 from ...formulas.vectors import Vec
 from ...integrators.ending_at_jumps import jumps_between
 from ...systems.in_time.inputs import has_inputs

@@ -6,7 +6,7 @@ import functools
 from typing import Any
 
 from ...formulas.classes.layouts import Layout, layout_of
-from ...formulas.classes.nested import records_in, with_records
+from ...formulas.classes.records import records_in, with_records
 from .tabulated import PiecewisePolynomial
 
 

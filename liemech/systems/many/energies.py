@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...errors import InvalidInput
 from ...formulas import Record, Vec, record
-from ...formulas.classes.nested import records_in, with_records
+from ...formulas.classes.records import records_in, with_records
 from ...groups.lie_group import LieGroup
 from ..hamiltonian import Hamiltonian
 

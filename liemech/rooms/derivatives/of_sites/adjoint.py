@@ -18,8 +18,7 @@ from ....compiler import kernel
 from ....compiler.sites.planes import Planes
 from ....errors import IncompatibleSystem, IntegrationFailure, NotFinite
 from ....formulas.classes.layouts import carried_layout, layout_of
-from ....formulas.classes.nested import records_in, with_records
-from ....formulas.classes.records import with_fields
+from ....formulas.classes.records import records_in, with_fields, with_records
 from ....formulas.classes.remembered import Remembered
 from ....formulas.sites import padded, rows_of
 from ....groups.composed.species import SpeciesGroup

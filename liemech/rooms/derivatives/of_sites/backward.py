@@ -11,7 +11,7 @@ from ....compiler.sites.planes import at, each, load, save, some
 from ....formulas import Record, derivative, gradient, record, vec
 from ....formulas.classes.fields import OfEach
 from ....formulas.classes.layouts import NUMBER, layout_of
-from ....formulas.classes.nested import records_in, with_records
+from ....formulas.classes.records import records_in, with_records
 from ....formulas.numbers.conversions import fitted
 from ....formulas.sites import SiteArray, own
 from ....formulas.vectors import Vec as SmallVec

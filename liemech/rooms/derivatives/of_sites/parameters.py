@@ -14,9 +14,8 @@ from ....errors import IncompatibleSystem, InvalidInput
 from ....formulas import vec
 from ....formulas.classes.frozen import frozen
 from ....formulas.classes.layouts import Layout, carried_layout, layout_of
-from ....formulas.classes.nested import records_in, with_records
 from ....formulas.classes.of_each import Each, each
-from ....formulas.classes.records import names_of, with_fields
+from ....formulas.classes.records import names_of, records_in, with_fields, with_records
 from ....formulas.sites import SiteArray, SiteTable
 from ....simulation.compiled.parameters import full_name, named, parameter, parameters, shape_of
 from ...sites.graphs import AllPairs

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from ....errors import IncompatibleSystem
-from ....formulas.classes.flattening import build
-from ....formulas.classes.layouts import layout_of
+from ....formulas.classes.layouts import build, layout_of
 from ....formulas.numbers.conversions import with_slopes
 from ....simulation import arguments
 from ....simulation.between.dense import unpacked

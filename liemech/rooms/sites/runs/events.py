@@ -13,8 +13,7 @@ import numpy as np
 from ....compiler import kernel
 from ....errors import InvalidInput, NotCompilable
 from ....formulas import Record, record
-from ....formulas.classes.flattening import build
-from ....formulas.classes.layouts import NUMBER, layout_of
+from ....formulas.classes.layouts import NUMBER, build, layout_of
 from ....formulas.classes.records import names_of
 from ....simulation.between.dense import observe, part_of_way, unpacked
 from ....simulation.between.events import Events, Moving

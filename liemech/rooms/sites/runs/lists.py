@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ....formulas.classes.nested import records_in, with_records
+from ....formulas.classes.records import records_in, with_records
 from ..terms.among import Among, places_of_sites
 from ..terms.terms_at_site import RoleAtSite
 

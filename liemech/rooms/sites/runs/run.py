@@ -11,7 +11,7 @@ import numpy as np
 from ....compiler.sites.planes import Planes
 from ....errors import InvalidInput, NoConvergence
 from ....formulas.classes.layouts import layout_of
-from ....formulas.classes.nested import records_in
+from ....formulas.classes.records import records_in
 from ....formulas.sites import SiteArray, SiteTable, one_site, padded, rows_of
 from ....simulation import arguments
 from ....simulation.between.dense import unpacked

@@ -11,8 +11,7 @@ import numpy as np
 from ....compiler import kernel
 from ....compiler.sites.planes import Planes, load
 from ....errors import InvalidInput
-from ....formulas.classes.flattening import build, leaves
-from ....formulas.classes.layouts import carried_layout, layout_of
+from ....formulas.classes.layouts import build, carried_layout, layout_of, leaves
 from ....formulas.classes.records import with_fields
 from ....formulas.numbers.conversions import rounded, with_slopes
 from ....formulas.sites import EIGHT, one_site

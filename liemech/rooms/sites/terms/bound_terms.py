@@ -10,8 +10,8 @@ import numpy as np
 from ....errors import InvalidInput
 from ....formulas import Record, record
 from ....formulas.classes.fields import OfEach
-from ....formulas.classes.nested import records_in, with_records
 from ....formulas.classes.of_each import Each, each
+from ....formulas.classes.records import records_in, with_records
 from ....formulas.sites import chains_of_partners
 from ....formulas.vectors import small
 from ....groups.composed.power import PowerGroup

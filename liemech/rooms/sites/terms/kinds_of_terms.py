@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 
 from ....formulas import dot, jacobian, vec
-from ....formulas.classes.nested import records_in, with_records
 from ....formulas.classes.of_each import Each
-from ....formulas.classes.records import with_fields
+from ....formulas.classes.records import records_in, with_fields, with_records
 from ....formulas.classes.remembered import Remembered
 from ....formulas.numbers.ways import ANY, APART, MOVING, AnyFunction, Number, Residue, Ways, values_of
 from ....groups.composed.one_of import width_of

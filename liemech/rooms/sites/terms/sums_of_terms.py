@@ -13,9 +13,8 @@ import numpy as np
 
 from ....errors import InvalidInput
 from ....formulas import Element, Mat, Vec, derivative, mat, record, vec, vectors
-from ....formulas.classes.nested import records_in, with_records
 from ....formulas.classes.of_each import Each
-from ....formulas.classes.records import fields_of, with_fields
+from ....formulas.classes.records import fields_of, records_in, with_fields, with_records
 from ....formulas.sites import SiteArray, interleaved_sum
 from ....groups.composed.power import PowerGroup
 from ....groups.composed.product import spans

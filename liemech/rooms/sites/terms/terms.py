@@ -16,10 +16,9 @@ from ....formulas import Mat, Record, Vec, check_finite, derivative, gradient, j
 from ....formulas.calls.arguments import ordinary
 from ....formulas.classes.derived import derived, derived_from
 from ....formulas.classes.fields import FrozenDict
-from ....formulas.classes.nested import records_in, with_records
 from ....formulas.classes.of_each import Each
 from ....formulas.classes.overriding import asked
-from ....formulas.classes.records import with_fields
+from ....formulas.classes.records import records_in, with_fields, with_records
 from ....formulas.classes.signatures import bare
 from ....formulas.derivatives import gradient_to_add
 from ....formulas.vectors import small

@@ -13,9 +13,8 @@ import numpy as np
 
 from ....formulas import Element, Record, Vec, dot, gradient, mat, record, vec, vectors, where
 from ....formulas.classes.fields import OfEach
-from ....formulas.classes.nested import records_in, with_records
 from ....formulas.classes.of_each import Each
-from ....formulas.classes.records import with_fields
+from ....formulas.classes.records import records_in, with_fields, with_records
 from ....formulas.classes.signatures import bare
 from ....formulas.numbers.conversions import as_others_see
 from ....formulas.sites import SiteArray, SiteTable, meet, own

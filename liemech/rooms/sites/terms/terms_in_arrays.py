@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from ....formulas import Record, Vec, record, vec
-from ....formulas.classes.nested import records_in, with_records
 from ....formulas.classes.of_each import Each
+from ....formulas.classes.records import records_in, with_records
 from ....groups.composed.one_of import filled, width_of
 from ....groups.composed.product import shaped
 from ....groups.lie_group import LieGroup

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ....errors import IncompatibleSystem, InvalidInput
-from ....formulas.classes.nested import records_in
-from ....formulas.classes.records import fields_of, with_fields
+from ....formulas.classes.records import fields_of, records_in, with_fields
 from ....groups.composed.power import PowerGroup
 from ....groups.composed.species import SpeciesGroup
 from ....groups.lie_group import LieGroup

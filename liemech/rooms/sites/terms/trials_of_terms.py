@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from ....errors import InvalidInput
-from ....formulas.classes.nested import records_in
 from ....formulas.classes.of_each import Each
-from ....formulas.classes.records import names_of, with_fields
+from ....formulas.classes.records import names_of, records_in, with_fields
 from ....formulas.numbers.ways import APART
 from ....formulas.vectors import small
 from ....systems.potential import Force
