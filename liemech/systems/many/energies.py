@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ...errors import InvalidInput
 from ...formulas import Record, Vec, record
@@ -12,10 +12,8 @@ from ...formulas.classes.records import records_in, with_records
 from ...groups.lie_group import LieGroup
 from ..hamiltonian import Hamiltonian
 
-if TYPE_CHECKING:  # systems take what stands for an energy, and make one of it
-    StandsForAnEnergy: Any = object
-else:
-    StandsForAnEnergy = object
+StandsForAnEnergy: Any = object
+"""The base, for checkers of types, of what systems take as an energy and make one of."""
 
 
 @record
