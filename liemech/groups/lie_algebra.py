@@ -437,9 +437,5 @@ def _nondegenerate(form: np.ndarray) -> bool:
 
 def _bilinear(c: tuple[tuple[float, ...], ...], xi: Vec, eta: Vec) -> float:
     """sum_ij c_ij xi^i eta^j over the constants that are not zero."""
-    total = 0.0
-    for i in range(len(xi)):
-        for j in range(len(eta)):
-            if c[i][j] != 0.0:
-                total = total + c[i][j] * (xi[i] * eta[j])
-    return total
+    places = [(i, j) for i in range(len(xi)) for j in range(len(eta)) if c[i][j] != 0.0]
+    return sum([c[i][j] * (xi[i] * eta[j]) for i, j in places])

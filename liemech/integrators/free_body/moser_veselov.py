@@ -13,7 +13,7 @@ from ...groups.retractions import Cayley
 from ...groups.rigid.so3 import SO3, plus
 from ...groups.rigid.unit_quaternions import UnitQuaternions
 from ...solvers import beyond_fold, newton
-from ...systems.kinetic_energy import has_inertia, trace
+from ...systems.kinetic_energy import has_inertia, times, trace
 from ...systems.lie_poisson import BodyState
 from ...systems.system import System
 from ..implicit import Implicit
@@ -82,7 +82,7 @@ class MoserVeselov(Implicit):
 def _equation(inertia: Vec | Mat, algebra: Any, y: Vec, x: Vec) -> tuple[Vec, Mat, float]:
     """The equation of a step for these moments."""
     s = 0.25 * dot(x, y)
-    r = (inertia @ x if isinstance(inertia, vectors.Mat) else inertia * x) - (y + (s * x - 0.5 * cross(x, y)))
+    r = times(inertia, x) - (y + (s * x - 0.5 * cross(x, y)))
     return r, _slope(inertia, algebra, y, x, s), 1.0
 
 

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from ...errors import InvalidInput
-from ...formulas import Element, Mat, Vec, cross, dot, record, sqrt, vec, vectors
+from ...formulas import Element, Mat, Vec, cross, dot, record, sqrt, vec
 from ...groups.lie_group import LieGroup
 from ...groups.rigid.se3 import join
+from ...systems.kinetic_energy import times, trace
 from ...systems.potential import Potential
 
 
@@ -110,11 +111,7 @@ class CentralGravity(Potential):
         r = sqrt(dot(x, x))
         u = vec(*[dot(vec(g[i], g[3 + i], g[6 + i]), x) for i in range(3)]) / r
         J = self.inertia
-        if isinstance(J, vectors.Mat):
-            trace, along = J[0, 0] + J[1, 1] + J[2, 2], dot(u, J @ u)
-        else:
-            trace, along = J[0] + J[1] + J[2], dot(u, J * u)
-        return -(self.attraction / r) * (self.mass + (trace - 3.0 * along) / (2.0 * r * r))
+        return -(self.attraction / r) * (self.mass + (trace(J) - 3.0 * dot(u, times(J, u))) / (2.0 * r * r))
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...]:
         return (12,)

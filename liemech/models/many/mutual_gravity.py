@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import InvalidInput
-from ...formulas import Mat, Vec, cross, dot, real_array, record, sqrt, vec, vectors
+from ...formulas import Mat, Vec, cross, dot, real_array, record, sqrt, vec
 from ...formulas.classes.of_each import each
 from ...groups.composed.product import ProductGroup
 from ...groups.rigid.se3 import join
@@ -16,7 +16,7 @@ from ...groups.rigid.so3 import SO3
 from ...groups.vector_space import VectorSpace
 from ...rooms.sites.graphs import all_pairs
 from ...rooms.sites.terms.terms import PerSite, Term, Terms
-from ...systems.kinetic_energy import KineticEnergy
+from ...systems.kinetic_energy import KineticEnergy, times, trace
 from ...systems.lie_poisson import LiePoissonSystem
 from ...systems.many.site_state import SiteState
 from ...systems.mechanical import MechanicalSystem
@@ -54,9 +54,9 @@ class MutualGravity(Term):
         d = _centre(b.g) - _centre(a.g)
         first, second = _turned_back(a.g, d), _turned_back(b.g, d)
         square = dot(d, d)
-        along = b.mass * dot(first, _times(a.inertia, first)) + a.mass * dot(second, _times(b.inertia, second))
-        trace = b.mass * _trace(a.inertia) + a.mass * _trace(b.inertia)
-        shape = (0.5 / square) * (trace - 3.0 * along / square)
+        along = b.mass * dot(first, times(a.inertia, first)) + a.mass * dot(second, times(b.inertia, second))
+        whole = b.mass * trace(a.inertia) + a.mass * trace(b.inertia)
+        shape = (0.5 / square) * (whole - 3.0 * along / square)
         return -(self.constant / sqrt(square)) * (a.mass * b.mass + shape)
 
     def force(self, group: Any, k: int, *sites: Any) -> Vec:
@@ -64,13 +64,13 @@ class MutualGravity(Term):
         body, other = sites[k], sites[1 - k]
         d = _centre(other.g) - _centre(body.g)
         d_in_body, d_in_other = _turned_back(body.g, d), _turned_back(other.g, d)
-        turned, pulled = _times(body.inertia, d_in_body), _times(other.inertia, d_in_other)
+        turned, pulled = times(body.inertia, d_in_body), times(other.inertia, d_in_other)
         square = dot(d, d)
         cube = self.constant / (square * sqrt(square))
         far = 3.0 * cube / square
-        trace = other.mass * _trace(body.inertia) + body.mass * _trace(other.inertia)
+        whole = other.mass * trace(body.inertia) + body.mass * trace(other.inertia)
         along = other.mass * dot(d_in_body, turned) + body.mass * dot(d_in_other, pulled)
-        radial = cube * (body.mass * other.mass) + far * (0.5 * trace - 2.5 * along / square)
+        radial = cube * (body.mass * other.mass) + far * (0.5 * whole - 2.5 * along / square)
         torque = (far * other.mass) * cross(d_in_body, turned)
         beside = _turned(other.g, (far * body.mass) * pulled)
         if len(body.g) == 4:
@@ -101,16 +101,6 @@ def _turned_back(g: Any, x: Vec) -> Vec:
     """The vector R^T x in body axes."""
     rows = _rows(g)
     return vec(*[rows[0][k] * x[0] + rows[1][k] * x[1] + rows[2][k] * x[2] for k in range(3)])
-
-
-def _times(J: Any, x: Vec) -> Vec:
-    """The product J x of a matrix or diagonal."""
-    return J @ x if isinstance(J, vectors.Mat) else J * x
-
-
-def _trace(J: Any) -> float:
-    """The sum of the principal moments."""
-    return J[0, 0] + J[1, 1] + J[2, 2] if isinstance(J, vectors.Mat) else J[0] + J[1] + J[2]
 
 
 # ------------------------------------------------------------------ ready systems
