@@ -42,21 +42,13 @@ class UnscentedFilter(Filter):
         g_next, count = process.led(g, u, h), group.dim + len(size)
         columns = root(covariance).T
         noises = [vec(*[size[j] if i == j else 0.0 for i in range(len(size))]) for j in range(len(size))]
+        led = lambda s: [process.led(moved(group, side, g, s * column), u, h) for column in columns]  # noqa: E731
+        pushed = lambda s: [process.move(g, u, s * noise, h) for noise in noises]  # noqa: E731
         # errors after the step by how they begin, which no turn has taken away
-        ends: list[Any] = []
-        for column in columns:
-            end = error(group, side, g_next, process.led(moved(group, side, g, LITTLE * column), u, h))
-            ends = [*ends, (1.0 / LITTLE) * end]
-        for noise in noises:
-            ends = [*ends, (1.0 / LITTLE) * error(group, side, g_next, process.move(g, u, LITTLE * noise, h))]
+        ends = [(1.0 / LITTLE) * error(group, side, g_next, x) for x in (*led(LITTLE), *pushed(LITTLE))]
         length = in_chart(group, ends, self.spread * sqrt(float(count)))
-        moves: list[Any] = []
-        for column in columns:
-            for sign in (length, -length):
-                moves = [*moves, process.led(moved(group, side, g, sign * column), u, h)]
-        for noise in noises:
-            for sign in (length, -length):
-                moves = [*moves, process.move(g, u, sign * noise, h)]
+        sides = *zip(led(length), led(-length)), *zip(pushed(length), pushed(-length))
+        moves = [x for both in sides for x in both]
         errors = [error(group, side, g_next, x) for x in moves]
         weight = 0.5 / (length * length)
         mean = weight * vectors.sum(errors)

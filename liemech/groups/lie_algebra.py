@@ -9,7 +9,7 @@ from typing import Any, final
 import numpy as np
 
 from ..errors import InvalidType, LawViolation, NotDefined, undefined
-from ..formulas import Mat, Record, Vec, dot, identity_matrix, jacobian, mat, norm, record, solve, vec
+from ..formulas import Mat, Record, Vec, dot, identity_matrix, jacobian, mat, norm, record, solve, sum, vec
 from ..formulas.classes.derived import derived
 from ..formulas.classes.signatures import bare
 from ..formulas.numbers.dual import value_of
@@ -255,10 +255,7 @@ class LieAlgebra(Record):
     @final
     def ad_size(self, xi: Vec) -> float:
         """A bound for the Euclidean norm of ad_xi, the sum of |xi_i| |ad E_i|.  xi : (dim,)."""
-        total = 0.0
-        for x, size in zip(xi, self._ad_sizes):
-            total = total + size * abs(value_of(x))
-        return total
+        return sum([size * abs(value_of(x)) for x, size in zip(xi, self._ad_sizes)])
 
     @cached_property
     def _ad_sizes(self) -> tuple[float, ...]:

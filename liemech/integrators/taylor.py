@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from ..errors import InvalidInput
-from ..formulas import Vec, derivative, exp, log, plain, record, sqrt, vec, where
+from ..formulas import Vec, derivative, exp, log, plain, record, sqrt, vec, vectors, where
 from ..formulas.numbers.bases import InMemory
 from ..formulas.numbers.products import Products
 from ..formulas.numbers.series import Series, SeriesInMemory
@@ -210,10 +210,7 @@ def _nearly(x: float, n: int) -> float:
 
 def mean_square(weights: Sequence[float], x: Vec) -> float:
     """The mean square of the components of a vector times their weights; of many sites of all."""
-    total = 0.0
-    for w, a in zip(weights, x):
-        total = total + (w * a) * (w * a)
-    return mean(total * (1.0 / len(x)))
+    return mean(vectors.sum([(w * a) * (w * a) for w, a in zip(weights, x)]) * (1.0 / len(x)))
 
 
 def total(terms: Sequence[Vec]) -> Vec:

@@ -336,12 +336,8 @@ class AtJoint(Record):
 
     def energy(self, g: Vec) -> float:
         """The sum of V, of JointPotentials."""
-        total = 0.0
-        for force in self.forces:
-            q = self.coordinates(force, 0.0, g)
-            for i in acting(force, self.joint):
-                total = total + force.energy(q[i])
-        return total
+        at = [(force, self.coordinates(force, 0.0, g)) for force in self.forces]
+        return vectors.sum([force.energy(q[i]) for force, q in at for i in acting(force, self.joint)])
 
     def efforts(self, t: float, g: Vec, rates: Vec, formula: Any = effort_of) -> Vec:
         """The torques or forces along all motions of the joint.  rates : (freedoms,).  formula : what is summed of the

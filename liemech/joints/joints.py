@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType, NotDefined, undefined
-from ..formulas import Mat, Record, Vec, atan2, cross, dot, jacobian, mat, record, sqrt, transpose, vec
+from ..formulas import Mat, Record, Vec, atan2, cross, dot, jacobian, mat, record, sqrt, transpose, vec, vectors
 from ..formulas.classes.derived import derived, derived_from
 from ..formulas.classes.records import with_fields
 from ..groups.lie_group import LieGroup
@@ -749,12 +749,8 @@ class WithRotors(Constraint):
 
     def value(self, g: Vec) -> Vec:
         """The conditions, and for each rotor the sum of ratio times coordinate over its joints."""
-        coordinates: list[Any] = []
-        for rotor in self.rotors:
-            total = 0.0
-            for joint, ratio in rotor:
-                total = total + ratio * joint.coordinates(*both(joint, g))[0]
-            coordinates = [*coordinates, total]
+        angle = lambda joint: joint.coordinates(*both(joint, g))[0]  # noqa: E731
+        coordinates = [vectors.sum([ratio * angle(joint) for joint, ratio in rotor]) for rotor in self.rotors]
         return vec(*self.held.value(g), *coordinates)
 
     def rows(self, group: LieGroup, g: Vec) -> Rows:

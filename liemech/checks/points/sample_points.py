@@ -70,10 +70,7 @@ def of_rows(f: Callable[[Any], Any], rows: np.ndarray) -> np.ndarray:
 
 def slope(f: Callable[[float], Any], step: float = STEP) -> np.ndarray:
     """The derivative f'(0) by central differences."""
-    total: Any = 0.0
-    for k, weight in STENCIL:
-        total = total + (weight / step) * (flat(f(k * step)) - flat(f(-k * step)))
-    return np.asarray(total)
+    return np.asarray(sum([(weight / step) * (flat(f(k * step)) - flat(f(-k * step))) for k, weight in STENCIL]))
 
 
 def exponential(a: np.ndarray) -> np.ndarray:

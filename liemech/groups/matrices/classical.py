@@ -416,10 +416,8 @@ class Sp(ClassicalGroup):
         n, half, d = self.n, self.n // 2, np.arange(self.n)
         i, j = np.triu_indices(n, 1)
         k = n + np.arange(len(i))
-        parts = []
-        for at, row, column in ((d, d, d), (k, i, j), (k, j, i)):
-            parts.append((at, (row + half) % n, column, np.where(row < half, 1.0, -1.0)))
-        return _in_order(*parts)
+        places = (d, d, d), (k, i, j), (k, j, i)
+        return _in_order(*[(at, (x + half) % n, y, np.where(x < half, 1.0, -1.0)) for at, x, y in places])
 
     @cached_property
     def invariants(self) -> Invariants:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import NoConvergence
-from ...formulas import Element, Mat, Vec, derivative, identity_matrix, mat, vec, where
+from ...formulas import Element, Mat, Vec, derivative, identity_matrix, mat, sum, vec, where
 from ...formulas.elimination import triangular
 from ...systems.kinetic_energy import has_inertia
 
@@ -22,10 +22,8 @@ def negative_pivots(m: Mat, conditions: float = 0.0) -> float:
 
     Source: Golub and Van Loan, Matrix Computations, 4th ed., section 8.1.5 (Sylvester's law of inertia).
     """
-    total = 0.0
-    for k, pivot in enumerate(triangular([*m])[1]):
-        total = total + where(pivot < 0.0, where(k < conditions, -1.0, 1.0), 0.0)
-    return total
+    pivots = enumerate(triangular([*m])[1])
+    return sum([where(pivot < 0.0, where(k < conditions, -1.0, 1.0), 0.0) for k, pivot in pivots])
 
 
 def throws_back(system: Any, t: float, mu: Vec, g: Element, h: float) -> bool:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from ...errors import InvalidInput
-from ...formulas import Mat, Vec, exp, identity_matrix, log, mat, plain, real_array, record, vec
+from ...formulas import Mat, Vec, exp, identity_matrix, log, mat, plain, real_array, record, sum, vec
 from ...formulas.classes.derived import closed_form_of
 from ...formulas.sites import Meeting, SiteTable, meet
 from ...groups.matrices.matrix_group import whole_number
@@ -65,14 +65,8 @@ class FlaschkaStructure(PoissonStructure):
 
     def casimirs(self, y: Vec) -> Vec:
         """sum b_i and, for a periodic lattice, sum ln a_i.  y : (dim,), a positive."""
-        total, logs = 0.0, 0.0
-        for i in range(self.particles):
-            total = total + y[self.springs + i]
-        if not self.periodic:
-            return vec(total)
-        for i in range(self.springs):
-            logs = logs + log(y[i])
-        return vec(total, logs)
+        total = sum([y[self.springs + i] for i in range(self.particles)])
+        return vec(total, sum([log(y[i]) for i in range(self.springs)])) if self.periodic else vec(total)
 
 
 @record
@@ -87,10 +81,7 @@ class TodaKinetic(Part):
 
     def energy(self, mu: Vec) -> float:
         """2 sum b_i^2.  mu : (dim,), the point (a, b)."""
-        total = 0.0
-        for i in range(self.particles):
-            total = total + mu[self.springs + i] * mu[self.springs + i]
-        return 2.0 * total
+        return 2.0 * sum([mu[self.springs + i] * mu[self.springs + i] for i in range(self.particles)])
 
     def gradient(self, mu: Vec) -> Vec:
         """(0, 4 b).  mu : (dim,)."""
@@ -112,10 +103,7 @@ class TodaPotential(Hamiltonian):
 
     def energy(self, mu: Vec) -> float:
         """4 sum a_i^2.  mu : (dim,), the point (a, b)."""
-        total = 0.0
-        for i in range(self.springs):
-            total = total + mu[i] * mu[i]
-        return 4.0 * total
+        return 4.0 * sum([mu[i] * mu[i] for i in range(self.springs)])
 
     def gradient(self, mu: Vec) -> Vec:
         """(8 a, 0).  mu : (dim,)."""

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...errors import InvalidInput
-from ...formulas import Vec, norm, record, vec
+from ...formulas import Vec, norm, record, vec, vectors
 from ...formulas.classes.of_each import each
 from ...groups.vector_space import VectorSpace
 from ...rooms.sites.graphs import all_pairs
@@ -91,19 +91,15 @@ class NBody(SeparableSites):
 
     def kinetic(self, p: Vec) -> float:
         """sum |p_i|^2/(2 m_i).  p : (N dimension,)."""
-        total = 0.0
-        for i, m in enumerate(self.masses):
-            for k in range(self.dimension):
-                total = total + p[i * self.dimension + k] * p[i * self.dimension + k] / (2.0 * m)
-        return total
+        d = self.dimension
+        return vectors.sum(
+            [p[i * d + k] * p[i * d + k] / (2.0 * m) for i, m in enumerate(self.masses) for k in range(d)]
+        )
 
     def potential(self, q: Vec) -> float:
         """-G sum m_i m_j/|q_i - q_j|.  q : (N dimension,)."""
-        total = 0.0
-        for i in range(len(self.masses)):
-            for j in range(i):
-                total = total - self.gravity * self.masses[i] * self.masses[j] / norm(self._apart(q, i, j))
-        return total
+        m, pairs = self.masses, [(i, j) for i in range(len(self.masses)) for j in range(i)]
+        return -vectors.sum([self.gravity * m[i] * m[j] / norm(self._apart(q, i, j)) for i, j in pairs])
 
     def velocity(self, q: Vec, p: Vec) -> Vec:
         """p_i/m_i.  q, p : (N dimension,)."""

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...errors import InvalidInput, InvalidType
-from ...formulas import Element, Mat, Vec, mat, real_array, record, vec
+from ...formulas import Element, Mat, Vec, mat, real_array, record, sum, vec
 from ...groups.composed.product import ProductGroup
 from ...groups.lie_group import LieGroup
 from ...groups.rigid.so3 import SO3
@@ -38,10 +38,8 @@ class EffectorFields(Potential):
     wheels: int
 
     def energy(self, g: Vec) -> float:
-        place, total = self._at(g), 0.0
-        for effector in self.effectors:
-            total = total + effector.energy(place)
-        return total
+        place = self._at(g)
+        return sum([effector.energy(place) for effector in self.effectors])
 
     def force(self, group: LieGroup, g: Element) -> Vec:
         """The sums of torques and forces; none on the wheels."""

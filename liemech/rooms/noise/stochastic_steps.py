@@ -120,9 +120,7 @@ class NoisySteps(Method):
         coin, _ = uniforms(seed, path, number, (count + 1) // 2)
         if self.increments == "normal":
             return vec(*normals(seed, path, number, count)), coin
-        draws: list[Any] = []
-        for block in range((count + 1) // 2):
-            draws = [*draws, *uniforms(seed, path, number, block)]
+        draws = [u for block in range((count + 1) // 2) for u in uniforms(seed, path, number, block)]
         if self.increments == "two-point":
             return vec(*[where(u < 0.5, -1.0, 1.0) for u in draws[:count]]), coin
         root, sixth = 3.0**0.5, 1.0 / 6.0
