@@ -249,6 +249,43 @@ def told(run: Any) -> str:
     return f"{len(run.t)} samples" if np.ndim(run.t) else f"t = {run.t}"
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class OfMembers:
+    """A joint or a body along a run whose bodies have linkages of their own; all arrays are (n, bodies, ...).
+
+    members : the JointMotion or the LinkMotion of each.
+    """
+
+    members: tuple[Any, ...]
+
+    @classmethod
+    def along(cls, run: Any, method: str, name: Any) -> OfMembers:
+        """The motions of each body, by a method of its linkage."""
+        return cls(tuple([getattr(own, method)(_of_body(run, i), name) for i, own in enumerate(run.system)]))
+
+    def __repr__(self) -> str:
+        return f"{self.members[0]!r} of each of {len(self.members)} bodies"
+
+    def only(self, force: Any) -> OfMembers:
+        """These motions with the torque, power and work of one force alone, or of those of a class."""
+        return OfMembers(tuple([member.only(force) for member in self.members]))
+
+    def __getattr__(self, name: str) -> np.ndarray:
+        """What each has of this name."""
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return np.stack([getattr(member, name) for member in self.members], axis=np.ndim(self.members[0].run.t))
+
+
+def _of_body(run: Any, i: int) -> Any:
+    """The run, or the state of a stepper, of one body of an ensemble."""
+    if not np.ndim(run.t):
+        return run.of_body(i)
+    states = {name: x[:, i] for name, x in run.states.items()}
+    t = run.t if run.t.ndim == 1 else run.t[:, i]
+    return replace(run, system=run.system[i], bodies=None, t=t, states=states)
+
+
 def work_of(run: Any, power: np.ndarray) -> np.ndarray:
     """The work of a power from the first sample on; in an ensemble whose bodies have times of their own, of each by these."""
     if not np.ndim(run.t):

@@ -21,6 +21,7 @@ from ..groups.lie_group import LieGroup
 from ..groups.rigid.se3 import SE3
 from ..names import meant
 from ..rooms.constraints.constrained_body import CONSISTENT, ConstrainedBody
+from ..simulation.compiled.systems import Systems
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
@@ -39,7 +40,7 @@ from .joint_forces import (
     acting,
     rates_of,
 )
-from .joint_motion import JointAngle, JointMotion, LinkMotion
+from .joint_motion import JointAngle, JointMotion, LinkMotion, OfMembers
 from .joint_space import JointSpace, joint_space_of
 from .joints import BallJoint, Joint, Joints, Mimic, RevoluteJoint, WithRotors, both
 from .link import Frame, Link, LinkShape, number_of
@@ -767,14 +768,18 @@ class Linkage(ConstrainedBody):
         names = [self.label(j) for j in sorted({owner[i] for i in conditions})]
         return f"those of {', '.join(names)}"
 
-    def motion_at(self, run: Any, joint: str | int) -> JointMotion:
+    def motion_at(self, run: Any, joint: str | int) -> Any:
         """A joint along a run; `run.joint(name)` asks for it."""
+        if isinstance(run.system, Systems):
+            return OfMembers.along(run, "motion_at", joint)
         number = self.number(joint)
         forces = tuple(force for force in self.forces if self.number(force.joint) == number)
         return JointMotion(run, self, number, AtJoint(self.joints[number], forces))
 
-    def link_at(self, run: Any, link: str | int) -> LinkMotion:
+    def link_at(self, run: Any, link: str | int) -> Any:
         """A body along a run; `run.link(name)` asks for it."""
+        if isinstance(run.system, Systems):
+            return OfMembers.along(run, "link_at", link)
         return LinkMotion(run, self, number_of(self.links, link, "link"))
 
     def angle(

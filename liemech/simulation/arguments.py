@@ -16,7 +16,7 @@ from ..errors import IncompatibleSystem, InconsistentState, InvalidInput, Invali
 from ..formulas import Vec, check_finite, real_array
 from ..integrators.ending_at_jumps import distinct_times
 from ..integrators.method import Method, home_of
-from ..systems.system import State, System
+from ..systems.system import State, System, member
 from .checkpoint import ENDINGS, Checkpoint, require_ending
 
 MOST = 2**53
@@ -47,15 +47,20 @@ def matching(system: Any, method: Any) -> None:
             raise error from None
 
 
-def started(system: Any, start: Any, record: Iterable[str] | None, t0: float = 0.0) -> State:
+def started(system: Any, start: Any, record: Iterable[str] | None, t0: float = 0.0, own: Any = None) -> State:
     """The start of a run as formulas take it, with the parts that are recorded and those that they need."""
-    return with_parts(system, system._written_out(known(system, start, t0)), record)
+    return with_parts(system, system._written_out(known(system, start, t0, own)), record)
 
 
-def known(system: Any, start: Any, t0: float = 0.0) -> State:
-    """The start, made by the system's `state`, where conditions change with time by that at t0."""
+def known(system: Any, start: Any, t0: float = 0.0, own: Any = None) -> State:
+    """The start, made by the system's `state`, where conditions change with time by that at t0.
+
+    own : the systems of bodies that have one each, by whose parameters it is told which states there are.
+    """
     if not isinstance(start, State):
         raise InvalidType(f"integrate: start must come from system.state(...); got {type(start).__name__}")
+    if own is not None and start.bodies == len(own):
+        return allowed(own, start, t0)
     if getattr(system, "rheonomic", False):
         system = system.at_time(t0)
     if not system._knows(start):
@@ -91,13 +96,14 @@ def with_parts(system: Any, start: State, record: Iterable[str] | None) -> State
     return type(start)(*(x if name in recorded else None for name, x in start.parts.items()))
 
 
-def allowed(systems: Any, start: State) -> None:
-    """Refuse a start of which a body is no state of its own system."""
+def allowed(systems: Any, start: State, t0: float) -> State:
+    """The start, refused where a body is no state of its own system."""
     for i, system in enumerate(systems):
         try:
-            system.state(**{name: x[i] for name, x in start.arrays.items()})
+            known(system, member(start, i), t0)
         except (InvalidInput, InconsistentState) as error:
             raise type(error)(f"integrate: body {i}: {error}") from None
+    return start
 
 
 def alike(method: Any) -> bool:

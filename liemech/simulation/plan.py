@@ -373,9 +373,9 @@ class Plan:
         if not self._warns:
             return None
         steps: Steps = self._steps
+        start = start if self._sites is None else self._sites.as_one(start)
         if not self.of_each:
-            state = start if self._sites is None else self._sites.as_one(start)
-            return self.method.step_warning(self.system, state, steps.h)
+            return self.method.step_warning(self.system, start, steps.h)
         bodies = range(start.bodies or 0)
         doubts = (steps.method_of(i).step_warning(steps.system_of(i), member(start, i), steps.h_of(i)) for i in bodies)
         return next((doubt for doubt in doubts if doubt), None)
@@ -424,6 +424,12 @@ class Plan:
                 if trajectory is not None:
                     return trajectory
         return self._in_pieces(carry, 0.0, steps, t_end, t_eval, checkpoint)
+
+    @property
+    def _bound(self) -> Any:
+        """The systems of bodies that have one each, if it depends on their parameters which states there are."""
+        own = self._one is not self.system and self._one.bounded and not self.fictive
+        return self.system if own else None
 
     @property
     def _inner(self) -> Any:

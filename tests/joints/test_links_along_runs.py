@@ -109,6 +109,9 @@ def test_a_stepper_of_many_linkages_has_a_row_for_each():
     np.testing.assert_allclose(loop.joint(0).angle, [0.1, 0.2, 0.3], atol=1e-15)
     np.testing.assert_allclose(loop.joint(1).rate, [0.6, 0.7, 0.8], atol=1e-14)
     assert loop.link(1).pose.shape == (*g.shape[:1], 4, 4)
+    springs = [lm.joints.Linkage(arm.links, arm.joints, forces=[lm.joints.Spring(0, k)]) for k in (1.0, 2.0, 3.0)]
+    loop = plan.replace(system=springs).stepper(arm.state(np.array([s.mu for s in starts]), g))
+    np.testing.assert_allclose(loop.joint(0).torque, [-0.1, -0.4, -0.9], atol=1e-15)
 
 
 def test_bodies_without_joints_say_so():
@@ -116,3 +119,26 @@ def test_bodies_without_joints_say_so():
     loop = plan.stepper(plan.system.state(mu=[1.0, 0.0, 0.5], g=np.eye(3)))
     with pytest.raises(lm.errors.InvalidInput, match="has no joints"):
         loop.joint(0)
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_joints_of_linkages_of_their_own_have_their_forces_and_velocities(count):
+    """Members with rods, springs and drags of their own: w = mu/J of each, the torque -k q of each, the power of each load."""
+    turn, members = [0.0, 1.0, 0.0], []
+    for k in range(3):
+        rods = lm.joints.chain(count, mass=0.5 + 0.2 * k, length=0.3 + 0.1 * k, axis=turn)
+        spring = lm.joints.Spring(0, 1.0 + k)
+        members.append(lm.joints.Linkage(rods.links, rods.joints, forces=[spring], load={0: Drag(0.1 + 0.1 * k)}))
+    starts = [linkage.state(angles={0: 0.3}, rates={0: 1.0}) for linkage in members]
+    both = lm.BodyState(*[np.array([np.array(getattr(start, name)) for start in starts]) for name in ("mu", "g")])
+    run = lm.integrate(members, lm.LieRATTLE(), both, h=0.01, steps=3, compiled=False)
+    hinge, rod = run.joint(0), run.link(0)
+    moments = np.array([linkage.links[0].inertia[1] for linkage in members])
+    masses = np.array([linkage.links[0].mass for linkage in members])
+    assert hinge.rate == pytest.approx(run.mu[..., 1] / moments, rel=1e-12)
+    assert hinge.torque == pytest.approx(-np.array([1.0, 2.0, 3.0]) * hinge.angle, rel=1e-12)
+    assert hinge.power == pytest.approx(hinge.torque * hinge.rate, rel=1e-12)
+    assert hinge.only(Drag).torque.shape == (4, 3) and not hinge.only(Drag).torque.any()
+    squares = run.mu[..., 1] ** 2 / moments**2 + (run.mu[..., 3:6] ** 2).sum(axis=-1) / masses**2
+    drags = -np.array([0.1, 0.2, 0.3]) * (1.0 + run.t[:, None]) * squares
+    assert rod.power == pytest.approx(drags, rel=1e-10)

@@ -249,3 +249,37 @@ def test_an_interrupt_between_events_loses_and_repeats_none(
     for i, (times, _) in enumerate(part.events[1]):
         assert len(times) == 3 or np.array_equal(ends[i], through.q[-1, i])
     assert sum(len(times) < 3 for times, _ in part.events[1]) > 5
+
+
+def test_quantities_are_those_of_each_system() -> None:
+    """Runge and Lenz's vector is p x L/k - q/r with the attraction k of each."""
+    attractions = np.array([1.0, 1.5, 0.7])
+    planets = [lm.Kepler(float(k)) for k in attractions]
+    plan = lm.Plan(planets, lm.StormerVerlet(), h=0.02, compiled=False)
+    run = plan.run(ORBITS, steps=3)
+    L = run.q[..., 0] * run.p[..., 1] - run.q[..., 1] * run.p[..., 0]
+    across = np.stack([run.p[..., 1] * L, -run.p[..., 0] * L], axis=-1)
+    r = np.linalg.norm(run.q, axis=-1)
+    expected = across / attractions[:, None] - run.q / r[..., None]
+    kept = plan.replace(record=["runge_lenz", "potential"]).run(ORBITS, steps=3)
+    assert kept.runge_lenz == pytest.approx(expected, rel=1e-13)
+    assert kept.potential == pytest.approx(-attractions / r, rel=1e-14)
+    assert run.system.runge_lenz(run.q, run.p) == pytest.approx(expected, rel=1e-13)
+
+
+@pytest.mark.parametrize("away", [0.0, 0.1])
+def test_bodies_bound_to_surfaces_of_their_own_start_there(away: float) -> None:
+    """Pendulums of three lengths, q . q = l^2: a start is a state of each by its own length."""
+    lengths = np.array([1.0, 1.5, 2.0])
+    pendulums = [lm.SphericalPendulum(length=length) for length in lengths]
+    q, p = np.outer(lengths + away, [0.6, 0.0, -0.8]), np.outer(lengths, [0.0, 1.0, 0.0])
+    plan, start = lm.Plan(pendulums, lm.RATTLE(), h=0.01, compiled=False), lm.CanonicalState(q, p)
+    if away:
+        with pytest.raises(InvalidInput, match=r"body 0: .*not consistent"):
+            plan.run(start, steps=1)
+        return
+    run = plan.run(start, steps=5)
+    assert np.linalg.norm(run.q, axis=-1) == pytest.approx(np.tile(lengths, (6, 1)), rel=1e-14)
+    for i, pendulum in enumerate(pendulums):
+        alone = lm.integrate(pendulum, lm.RATTLE(), pendulum.state(q[i], p[i]), h=0.01, steps=5, compiled=False)
+        assert np.array_equal(run.q[:, i], alone.q)

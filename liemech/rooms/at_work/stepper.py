@@ -167,11 +167,11 @@ class Stepper:
     def _of_linkage(self, noun: str, method: str, name: str | int) -> Any:
         """A joint or a link in the state at this time."""
         with self._lock:
-            system = self.plan._one
-            motion = getattr(system, method, None)
+            plan = self.plan
+            motion = getattr(plan._one, method, None)
             if motion is None:
-                raise InvalidInput(f"Stepper.{noun}: {system!r} has no {noun}s")
-            return motion(AtOneTime(system, np.float64(self.t), self.mu, self.g), name)
+                raise InvalidInput(f"Stepper.{noun}: {plan._one!r} has no {noun}s")
+            return motion(AtOneTime(plan.system, np.float64(self.t), self.mu, self.g), name)
 
     def refresh(self) -> None:
         """Look again at what formulas read from outside: the next steps are made with what is there
@@ -391,6 +391,10 @@ class AtOneTime(NamedTuple):
 
     def __repr__(self) -> str:
         return f"t = {self.t}"
+
+    def of_body(self, i: int) -> AtOneTime:
+        """The state of one of several linkages."""
+        return AtOneTime(self.system[i], self.t, self.mu[i], self.g[i])
 
     @property
     def multipliers(self) -> Any:

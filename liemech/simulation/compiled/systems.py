@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import inspect
 from collections.abc import Callable, Iterator
 from typing import Any, ClassVar
 
@@ -17,8 +18,8 @@ from ...integrators.method import Method
 from ...systems.many.energies import OfManySites
 from ...systems.system import System
 
-BY_MEMBER = ("energy", "velocity", "momentum", "casimirs", "multipliers")
-"""Quantities that depend on the parameters, of arrays (n, bodies, ...)."""
+PARTS, MAKERS = {"t", "mu", "xi", "g", "q", "p", "y"}, ("state", "consistent")
+"""Arguments of methods that are quantities, which may depend on parameters, of arrays (n, bodies, ...); those that make states."""
 
 
 class OfBodies:
@@ -84,14 +85,15 @@ class Systems(OfBodies):
     called = "systems"
 
     def __getattr__(self, name: str) -> Any:
-        return self._by_member(name) if name in BY_MEMBER else super().__getattr__(name)
+        found = super().__getattr__(name)
+        return self._by_member(name) if inspect.ismethod(found) and _is_quantity(type(self[0]), name) else found
 
     def _by_member(self, name: str) -> Callable[..., np.ndarray]:
         """A method of the systems, for arrays (n, bodies, ...)."""
 
         @functools.wraps(getattr(self.members[0], name))
-        def of_all(*arrays: np.ndarray) -> np.ndarray:
-            return np.stack([getattr(s, name)(*(x[:, i] for x in arrays)) for i, s in enumerate(self.members)], axis=1)
+        def of_all(*arrays: np.ndarray) -> Any:
+            return _beside([getattr(s, name)(*(x[:, i] for x in arrays)) for i, s in enumerate(self.members)])
 
         return of_all
 
@@ -99,6 +101,20 @@ class Systems(OfBodies):
         """The constants of every body, (n, bodies, ...)."""
         of_bodies = [s.constants({name: x[:, i] for name, x in states.items()}) for i, s in enumerate(self.members)]
         return {name: np.stack([constants[name] for constants in of_bodies], axis=1) for name in of_bodies[0]}
+
+
+def _beside(values: list[Any]) -> Any:
+    """The values of a quantity for each body beside one another, (n, bodies, ...), or several of them."""
+    if isinstance(values[0], tuple):
+        return tuple([_beside([*part]) for part in zip(*values, strict=True)])
+    return np.stack(values, axis=1)
+
+
+@functools.cache
+def _is_quantity(kind: type, name: str) -> bool:
+    """Is the method of this name a formula of time and parts of the state?"""
+    arguments = {*inspect.signature(getattr(kind, name)).parameters} - {"self"}
+    return name not in MAKERS and not name.startswith("_") and set() < arguments <= PARTS
 
 
 def systems_of(given: Any) -> Systems | None:

@@ -21,7 +21,7 @@ def started(plan: Any, start: Any, t0: float) -> Any:
     if layout is not None:
         return start if start.bodies else restricted(start, layout[0])
     inner, original = plan._inner, start
-    start = arguments.started(inner, start, needed(plan, inner, start), t0)
+    start = arguments.started(inner, start, needed(plan, inner, start), t0, plan._bound)
     for name, each in plan.of_each.items():
         if start.bodies == len(each):
             continue
@@ -33,10 +33,12 @@ def started(plan: Any, start: Any, t0: float) -> Any:
             raise InvalidType(f"integrate: {name} must be a number for a start of one body; got {plan._given[name]!r}")
         what = "steps" if name == "h" else "numbers"
         raise InvalidInput(f"integrate: {name} has {len(each)} {what} for {start.bodies} bodies")
-    if plan._one is not plan.system and plan._one.bounded:
-        if not plan.fictive:
-            arguments.allowed(plan.system, start)
-    elif (plan._plain or not plan.of_each) and not getattr(inner, "rheonomic", False) and inner._knows(original):
+    if (
+        plan._bound is None
+        and (plan._plain or not plan.of_each)
+        and not getattr(inner, "rheonomic", False)
+        and inner._knows(original)
+    ):
         side = kernel.side_by_side(start.bodies)
         if start.bodies is None:
             plan._laid_out[layout_of(original)] = layout_of(start), side

@@ -91,7 +91,7 @@ class SitesOfPlan:
 
     def started(self, plan: Any, start: Any, t0: float = 0.0) -> Any:
         """The start with the parts that a run of this plan needs."""
-        arranged = arguments.known(plan._one, start, t0)
+        arranged = arguments.known(plan._one, start, t0, plan._bound)
         start = by_site(plan._one, arranged)
         if plan.recorder is None and plan.record is None:
             return start
