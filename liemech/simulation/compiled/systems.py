@@ -86,7 +86,7 @@ class Systems(OfBodies):
 
     def __getattr__(self, name: str) -> Any:
         found = super().__getattr__(name)
-        return self._by_member(name) if inspect.ismethod(found) and _is_quantity(type(self[0]), name) else found
+        return self._by_member(name) if inspect.ismethod(found) and _is_quantity(found.__func__) else found
 
     def _by_member(self, name: str) -> Callable[..., np.ndarray]:
         """A method of the systems, for arrays (n, bodies, ...)."""
@@ -111,9 +111,9 @@ def _beside(values: list[Any]) -> Any:
 
 
 @functools.cache
-def _is_quantity(kind: type, name: str) -> bool:
-    """Is the method of this name a formula of time and parts of the state?"""
-    arguments = {*inspect.signature(getattr(kind, name)).parameters} - {"self"}
+def _is_quantity(method: Callable[..., Any]) -> bool:
+    """Is a method a formula of time and parts of the state?"""
+    arguments, name = {*inspect.signature(method).parameters} - {"self"}, method.__name__
     return name not in MAKERS and not name.startswith("_") and set() < arguments <= PARTS
 
 
