@@ -770,7 +770,7 @@ class Linkage(ConstrainedBody):
 
     def motion_at(self, run: Any, joint: str | int) -> Any:
         """A joint along a run; `run.joint(name)` asks for it."""
-        if isinstance(run.system, Systems):
+        if isinstance(getattr(run, "system", self), Systems):
             return OfMembers.along(run, "motion_at", joint)
         number = self.number(joint)
         forces = tuple(force for force in self.forces if self.number(force.joint) == number)
@@ -778,7 +778,7 @@ class Linkage(ConstrainedBody):
 
     def link_at(self, run: Any, link: str | int) -> Any:
         """A body along a run; `run.link(name)` asks for it."""
-        if isinstance(run.system, Systems):
+        if isinstance(getattr(run, "system", self), Systems):
             return OfMembers.along(run, "link_at", link)
         return LinkMotion(run, self, number_of(self.links, link, "link"))
 
