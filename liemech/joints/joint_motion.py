@@ -271,7 +271,7 @@ class OfMembers:
         return OfMembers(tuple([member.only(force) for member in self.members]))
 
     def __getattr__(self, name: str) -> np.ndarray:
-        """What each has of this name."""
+        """The arrays of this name of all members beside one another."""
         if name.startswith("_"):
             raise AttributeError(name)
         return np.stack([getattr(member, name) for member in self.members], axis=np.ndim(self.members[0].run.t))

@@ -428,8 +428,9 @@ class Plan:
     @property
     def _bound(self) -> Any:
         """The systems of bodies that have one each, if it depends on their parameters which states there are."""
-        own = self._one is not self.system and self._one.bounded and not self.fictive
-        return self.system if own else None
+        if self._one is self.system or self.fictive or not self._one.bounded:
+            return None
+        return self.system
 
     @property
     def _inner(self) -> Any:

@@ -720,16 +720,17 @@ def _rows_of_both(first: Any, rest: Any, shared: int) -> Callable[[np.ndarray, n
     def own(run: Any) -> Any:
         """How many samples each body has before it repeats the last one."""
         parts = [x.reshape(len(run), first.bodies, -1) for x in (each(run._clock()), *run.states.values())]
-        last = np.logical_and.reduce([(x == x[-1:]).all(axis=2) for x in parts])
-        return np.minimum(len(run) + 1 - np.logical_and.accumulate(last[::-1]).sum(axis=0), len(run))
+        repeated = np.logical_and.reduce([(x == x[-1:]).all(axis=2) for x in parts])
+        return np.minimum(len(run) + 1 - np.logical_and.accumulate(repeated[::-1]).sum(axis=0), len(run))
 
-    before, whole = own(first), own(first) + own(rest) - shared
-    row = np.minimum(np.arange(whole.max(initial=0))[:, None], whole - 1)
-    row += (row >= before) * (len(first) + shared - before)
+    counts = own(first)
+    total = counts + own(rest) - shared
+    row = np.minimum(np.arange(total.max(initial=0))[:, None], total - 1)
+    row += (row >= counts) * (len(first) + shared - counts)
 
     def joined(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        both = np.concatenate([each(a), each(b)])
-        return np.take_along_axis(both, row.reshape(row.shape + (1,) * (both.ndim - 2)), axis=0)
+        rows = np.concatenate([each(a), each(b)])
+        return np.take_along_axis(rows, row.reshape(row.shape + (1,) * (rows.ndim - 2)), axis=0)
 
     return joined
 

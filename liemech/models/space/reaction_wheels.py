@@ -92,8 +92,8 @@ class ReactionWheels(Record):
     @property
     def passive(self) -> bool:
         """Whether neither motors nor friction change the momenta of the wheels."""
-        own = any(getattr(type(self), name) is not getattr(ReactionWheels, name) for name in TORQUES)
-        return not own and self.torques is None and self.viscous is None and self.coulomb is None
+        written = any(getattr(type(self), name) is not getattr(ReactionWheels, name) for name in TORQUES)
+        return not written and self.torques is None and self.viscous is None and self.coulomb is None
 
 
 PER_WHEEL = "torque_limits", "speed_limits", "viscous", "coulomb"

@@ -85,8 +85,8 @@ class Systems(OfBodies):
     called = "systems"
 
     def __getattr__(self, name: str) -> Any:
-        found = super().__getattr__(name)
-        return self._by_member(name) if inspect.ismethod(found) and _is_quantity(found.__func__) else found
+        attribute = super().__getattr__(name)
+        return self._by_member(name) if inspect.ismethod(attribute) and _is_quantity(attribute.__func__) else attribute
 
     def _by_member(self, name: str) -> Callable[..., np.ndarray]:
         """A method of the systems, for arrays (n, bodies, ...)."""
