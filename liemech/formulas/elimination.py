@@ -12,7 +12,7 @@ from .numbers.bases import InMemory
 from .numbers.complex_numbers import Complex
 from .numbers.conversions import plain
 from .numbers.double_double import DoubleDouble, is_long
-from .numbers.dual import constant
+from .numbers.dual import constant, value_of
 from .sums import abs2
 from .vectors import Mat, Vec, cross, dot, mat, vec
 
@@ -55,8 +55,8 @@ def _of_one_kind(rows: list[Vec]) -> list[Vec]:
     """The rows in numbers that round alike, as they may change places: of two doubles if one is,
     and without what they remember of rounding.
     """
-    if any(is_long(x) for row in rows for x in row):
-        return [vec(*[x if is_long(x) else DoubleDouble(x, 0.0) for x in row]) for row in rows]
+    if any(is_long(value_of(x)) for row in rows for x in row):
+        return [vec(*[x if is_long(value_of(x)) else DoubleDouble(1.0) * x for x in row]) for row in rows]
     return [plain(row) for row in rows]
 
 

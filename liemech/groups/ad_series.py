@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 from ..formulas import Mat, Vec, identity_matrix, mat
 from ..formulas.numbers.double_double import is_long
+from ..formulas.numbers.dual import value_of
 from ..formulas.numbers.sizes import EPSILON, one_norm
 from .bernoulli import BERNOULLI
 
@@ -64,7 +65,7 @@ def _sum(ad: Action, x: Vec, v: Vec, k: float) -> Vec:
     """v + ad_x v/k + ad_x^2 v/(k (k + 1)) + ..., until a term is rounding."""
     term = ad(x, v) / k
     total = v + term
-    epsilon = EPSILON * EPSILON if is_long(total[0]) else EPSILON
+    epsilon = EPSILON * EPSILON if is_long(value_of(total[0])) else EPSILON
     while one_norm(term) > 0.0625 * epsilon * one_norm(total):
         k = k + 1.0
         term = ad(x, term) / k

@@ -16,7 +16,7 @@ from scenes import CAYLEY, EXP, asymmetric_body, heavy_top, named, same_bits, sl
 
 import liemech as lm
 from liemech.errors import InvalidInput, InvalidType
-from liemech.formulas import acos, asin, atan2, cbrt, cos, cosh, exp, log, pow, sin, sqrt, tanh
+from liemech.formulas import acos, asin, atan2, cbrt, cos, cosh, derivative, exp, log, pow, sin, solve, sqrt, tanh
 from liemech.formulas.classes.layouts import build, layout_of, leaves
 from liemech.formulas.numbers.conversions import double_double
 from liemech.formulas.numbers.double_double import DoubleDouble
@@ -99,6 +99,34 @@ def test_coefficients_of_rotations_have_28_digits(theta: float) -> None:
         assert rotation_coefficients.exp_coefficients(x)[1] == got[1]
 
 
+@pytest.mark.parametrize("theta", [0.1, 0.6, 0.9999, 1.0001, 3.0, 6.2])
+def test_derivatives_of_coefficients_of_rotations_have_28_digits(theta: float) -> None:
+    """Of sinc, versine and segment, of which these follow: (segment - versine)/2, ..."""
+    x = DoubleDouble(theta * theta)
+    _, _, _, *wanted = rotation_coefficients.all_coefficients(x)
+    got = derivative(lambda y: lm.vec(*rotation_coefficients.all_coefficients(y)[:3]), x)
+    with mp.workdps(60):
+        for a, b in zip(got, wanted, strict=True):
+            assert abs(exactly(a) / exactly(b) - 1) < mp.mpf(10) ** -28
+
+
+def test_equations_of_which_some_coefficients_carry_derivatives() -> None:
+    """x_1 of a linear system by its first coefficient m: -x_1 (M^-1)_11."""
+    rows = [[2.0 if i == j else 0.1 * i + 0.2 * j for j in range(4)] for i in range(4)]
+
+    def solution(m: Any) -> Any:
+        matrix = [
+            lm.vec(*[m if i == j == 0 else DoubleDouble(x) for j, x in enumerate(row)]) for i, row in enumerate(rows)
+        ]
+        return solve(lm.mat(*matrix), lm.vec(1.0, 2.0, 0.5, 0.1))
+
+    got = derivative(solution, DoubleDouble(1.5))[0]
+    with mp.workdps(40):
+        inverse = mp.inverse(mp.matrix([[1.5, *rows[0][1:]], *rows[1:]]))
+        wanted = -(inverse * mp.matrix([1.0, 2.0, 0.5, 0.1]))[0] * inverse[0, 0]
+        assert abs(exactly(got) / wanted - 1) < mp.mpf(10) ** -28
+
+
 def pendulum() -> tuple[Any, Any]:
     system = lm.models.Pendulum()
     return system, system.state(0.9, 0.3)
@@ -114,6 +142,11 @@ def four() -> tuple[Any, Any]:
     return system, system.state([0.6, -0.5, 0.4, 0.7, 0.3, -0.2], lm.SO(4).random(1))
 
 
+def spin() -> tuple[Any, Any]:
+    system = lm.LiePoissonSystem(lm.SU(2), lm.KineticEnergy([1.0, 1.6, 2.3]))
+    return system, system.state([0.6, -0.5, 0.4], lm.SU(2).random(1))
+
+
 CASES = [
     (EXP, asymmetric_body),
     (CAYLEY, asymmetric_body),
@@ -121,6 +154,9 @@ CASES = [
     (lm.LieVerlet(lm.Cayley()), heavy_top),
     (CAYLEY, four),
     (EXP, four),
+    (lm.GalerkinVariational(order=2), heavy_top),
+    (lm.GalerkinVariational(order=2), spin),
+    (lm.SymplecticRKMK(order=6), heavy_top),
     (lm.StormerVerlet(), pendulum),
     (lm.Splitting(order=6), pendulum),
     (lm.RATTLE(), rod),

@@ -16,6 +16,7 @@ from ...formulas import Complex, Mat, Vec, mat, record, solve, solve3, vec
 from ...formulas.elimination import INFINITE, inverse, solve_matrix
 from ...formulas.numbers.bases import InMemory, raise_if
 from ...formulas.numbers.double_double import is_long
+from ...formulas.numbers.dual import value_of
 from ...formulas.sums import antisymmetric_map, bilinear, bilinear_map, entries, linear, scaled, total
 from ..ad_series import ROUGH
 from ..bernoulli import BERNOULLI
@@ -374,7 +375,7 @@ def _bernoulli_series(action: Callable[..., Vec], x: Vec, v: Vec, size2: float) 
     """The sum of B_k/k! A^k v, A = action(x, .) with |A|^2 <= size2 <= 1: as many terms as that
     needs.
     """
-    if is_long(size2):
+    if is_long(value_of(size2)):
         raise InvalidType(
             "precision: the inverse of dexp is known to 16 digits only here; take Cayley() or precision='double'"
         )

@@ -14,6 +14,7 @@ from ...formulas.elimination import INFINITE, inverse
 from ...formulas.large import Large, inner
 from ...formulas.numbers.bases import InMemory
 from ...formulas.numbers.double_double import DoubleDouble, is_long
+from ...formulas.numbers.dual import value_of
 from ...formulas.sums import abs2, total
 
 TINY = 2.0**-112
@@ -24,7 +25,7 @@ def digits(size2: Any) -> tuple[float, Any]:
     """The bound in place of TINY beside numbers of this kind, and the 1 that fractions are made
     of.
     """
-    return (TINY * TINY, DoubleDouble(1.0)) if is_long(size2) else (TINY, 1.0)
+    return (TINY * TINY, DoubleDouble(1.0)) if is_long(value_of(size2)) else (TINY, 1.0)
 
 
 LOST = 52.0
@@ -202,7 +203,7 @@ def sqrtm(a: Mat) -> Mat:
     """
     m, y, turns = a, a, 0.0
     error2 = frobenius2(plus(m, -1.0))
-    enough = 1e-33 if is_long(error2) else 1e-18  # the last line squares the error
+    enough = 1e-33 if is_long(value_of(error2)) else 1e-18  # the last line squares the error
     while error2 > enough and turns < 60.0:
         back = inverse(m)
         y = 0.5 * (y + y @ back)

@@ -26,8 +26,8 @@ from __future__ import annotations
 
 from ...errors import InvalidType, OutsideChart
 from ...formulas import Vec, cos, horner, sin, sqrt, tan, where
-from ...formulas.numbers.double_double import is_long, rounded_number, sin_cos, two_sum
-from ...formulas.numbers.dual import is_series
+from ...formulas.numbers.double_double import is_long, rounded_number, two_sum
+from ...formulas.numbers.dual import is_series, value_of
 from ..bernoulli import BERNOULLI as NUMBERS
 from . import stumpff
 
@@ -158,8 +158,8 @@ def sin_cos_root(x: float, low: float = 0.0) -> tuple[float, float]:
     digits.  x - t^2 is computed exactly, from the halves of t, and e = (x - t^2 + low)/(2 t) put
     back: to first order as long as e^2 is nothing.
     """
-    if is_long(x):
-        return sin_cos(sqrt(x))
+    if is_long(value_of(x)):
+        return sin(sqrt(x)), cos(sqrt(x))
     t = sqrt(x)
     high = SPLITTER * t - (SPLITTER * t - t)
     low_half = t - high
@@ -177,7 +177,7 @@ def lost_in_square(w: Vec, x: float) -> float:
 
     Source: Dekker, Numer. Math. 18 (1971), 224: exact products; the sums are those of `two_sum`.
     """
-    if is_long(x):
+    if is_long(value_of(x)):
         return 0.0
     total, lost = 0.0, 0.0
     for c in w:
@@ -198,7 +198,7 @@ def exp_coefficients(x: float, w: Vec | None = None) -> tuple[float, float]:
     The polynomials are evaluated in any case: the rare branch then stands aside of the common path
     and costs it nothing.
     """
-    if is_long(x):
+    if is_long(value_of(x)):
         c1, c2, *_ = stumpff.stumpff(x)
         return c1, c2
     a, b = polynomial(SINC, x), polynomial(VERSINE, x)
@@ -240,7 +240,7 @@ def all_coefficients(x: float, w: Vec | None = None) -> tuple[float, float, floa
     sinc = 1 - x segment, and sinc' = (segment - versine)/2, versine' = c_4 - segment/2 = (sinc - 2
     versine)/(2 x), segment' = (3 c_5 - c_4)/2 = (versine - 3 segment)/(2 x).
     """
-    if is_long(x):
+    if is_long(value_of(x)):
         return stumpff.coefficients(x)
     c4, c5 = polynomial(STUMPFF4, x), polynomial(STUMPFF5, x)
     b, c = 0.5 - x * c4, 1 / 6 - x * c5
@@ -304,7 +304,7 @@ def bernoulli(x: float) -> float:
     Bernoulli numbers.
     Raises OutsideChart from a full turn on, where it has a pole.
     """
-    if is_long(x):
+    if is_long(value_of(x)):
         return bernoulli_coefficients(x)[0]
     if is_series(x):
         check_chart(x)
@@ -341,7 +341,7 @@ def bernoulli_coefficients(x: float) -> tuple[float, float]:
     The derivative of the sum above is one of positive terms again,
     d'(x) = d'(x/4)/16 + segment(x/4)/(128 cos^2(theta/4)).
     """
-    if is_long(x):
+    if is_long(value_of(x)):
         check_chart(x)
         return stumpff.bernoulli(x)
     d, d_slope = polynomial(BERNOULLI, x), polynomial(BERNOULLI_SLOPE, x)

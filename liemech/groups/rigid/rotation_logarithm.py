@@ -11,7 +11,7 @@ from typing import Any
 
 from ...formulas import Mat, Vec, atan2, constant, dot, sqrt, vec, where
 from ...formulas.numbers.double_double import is_long
-from ...formulas.numbers.dual import is_series
+from ...formulas.numbers.dual import is_series, value_of
 from ...formulas.removable import atan_root_over
 from .rotation_coefficients import ARCSINE, ARCSINE_LIMIT, polynomial
 
@@ -64,7 +64,7 @@ def rotation_vector(R: Mat) -> Vec:
     if is_series(q[3]):
         return _vector_of_series(v, q[3])
     square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
-    if is_long(square):
+    if is_long(value_of(square)):
         return _by_arctangent(v, q[3], square)
     # the polynomial in any case: the branch stands aside of the common path
     near = (2.0 * polynomial(ARCSINE, square)) * v

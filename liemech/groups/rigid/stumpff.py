@@ -12,8 +12,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ...formulas import sin, sqrt
-from ...formulas.numbers.double_double import DoubleDouble, nested, quotient, series, sin_cos
+from ...formulas import horner, sin, sqrt
+from ...formulas.numbers.double_double import DoubleDouble, is_long, nested, quotient, series
 
 LIMIT = 1.0
 """Up to this x the series of c_5 and c_6 are summed; beyond, sines and cosines leave more digits
@@ -31,13 +31,18 @@ ONE, HALF, SIXTH, TWENTY_FOURTH = [quotient(1, k) for k in (1, 2, 6, 24)]
 
 def stumpff(x: Any) -> tuple[Any, ...]:
     """c_1, ..., c_6 at x = theta^2."""
-    c5, c6 = series(x, C5, LONG), series(x, C6, LONG)
-    c4, c3 = nested(TWENTY_FOURTH, -x, c6), nested(SIXTH, -x, c5)
-    c2, c1 = nested(HALF, -x, c4), nested(ONE, -x, c3)
+    if is_long(x):
+        c5, c6 = series(x, C5, LONG), series(x, C6, LONG)
+        c4, c3 = nested(TWENTY_FOURTH, -x, c6), nested(SIXTH, -x, c5)
+        c2, c1 = nested(HALF, -x, c4), nested(ONE, -x, c3)
+    else:  # derivatives, in which the words of a sum would lose theirs
+        c5, c6 = [horner([DoubleDouble(*words) for words in terms], x) for terms in (C5, C6)]
+        c4, c3 = DoubleDouble(*TWENTY_FOURTH) - x * c6, DoubleDouble(*SIXTH) - x * c5
+        c2, c1 = DoubleDouble(*HALF) - x * c4, DoubleDouble(*ONE) - x * c3
     if x > LIMIT:
         theta = sqrt(x)
         half = sin(0.5 * theta)
-        c1, c2 = sin_cos(theta)[0] / theta, 2.0 * (half * half) / x
+        c1, c2 = sin(theta) / theta, 2.0 * (half * half) / x
         c3, c4 = (1.0 - c1) / x, (0.5 - c2) / x
         c5, c6 = (DoubleDouble(*SIXTH) - c3) / x, (DoubleDouble(*TWENTY_FOURTH) - c4) / x
     return c1, c2, c3, c4, c5, c6
