@@ -69,9 +69,12 @@ class SymplecticRKMK(Implicit):
 
     @cached_property
     def tableau(self) -> tuple[tuple[Row, ...], Row, Row]:
-        """a_ij - b_j/2, b and c of Gauss' method."""
+        """a_ij - b_j/2, b and c of Gauss' method; the first as half the difference of opposite coefficients, so that
+        steps are symmetric to all digits.
+        """
         gaussian = gauss(self.order // 2)
-        centred = [tuple([a - 0.5 * b for a, b in zip(row, gaussian.b)]) for row in gaussian.A]
+        opposite = [row[::-1] for row in gaussian.A[::-1]]
+        centred = [tuple([0.5 * (a - b) for a, b in zip(*rows)]) for rows in zip(gaussian.A, opposite)]
         return tuple(centred), gaussian.b, gaussian.c
 
     # ---------------------------------------------------------------- one step
@@ -113,8 +116,8 @@ class SymplecticRKMK(Implicit):
         """
         (a, b, c), group, s = self.tableau, system.configurations, len(self.tableau[1])
         X, D, change = last[:s], last[s : 2 * s], last[2 * s]
-        before, p, force = combination(b, X), start.mu + change, 0.0 * change
-        middle, rates = group.compose_exp(start.g, (0.5 * h) * before), []  # type: Any, list[tuple[Vec, Vec]]
+        before, p, force = combination(b, X, h), start.mu + change, 0.0 * change
+        middle, rates = group.compose_exp(start.g, 0.5 * before), []  # type: Any, list[tuple[Vec, Vec]]
         for i, (row, node) in enumerate(zip(a, c)):
             y = combination(row, X, h)
             if y is None:  # one stage is in the middle
@@ -128,7 +131,7 @@ class SymplecticRKMK(Implicit):
                 force = force + (h * b[i]) * TAU.tau_Ad_star(group, -y, f)
         x = combination(b, [v for v, _ in rates], h)
         mean = TAU.dtau_dual(group, -x, start.mu) + 0.5 * TAU.dtau_dual(group, -0.5 * x, force)
-        turn, shift = correction(near.slope, mean - p), 0.5 * (x - h * before)
+        turn, shift = correction(near.slope, mean - p), 0.5 * (x - before)
         off_X, off_D = [v - X[i] for i, (v, _) in enumerate(rates)], [d - D[i] for i, (_, d) in enumerate(rates)]
         X, D = (), ()
         for row, (v, d) in zip(a, rates):
@@ -136,7 +139,7 @@ class SymplecticRKMK(Implicit):
             y, bent = (0.0 * turn, turn) if y is None else (y, turn + bent)
             v_off, d_off = near.moved(group, shift, y, bent)
             X, D = (*X, v + v_off), (*D, d + d_off)
-        steps, sizes = vec(*(combination(b, X) - before), *turn), vec(*before, *start.mu)
+        steps, sizes = vec(*(combination(b, X, h) - before), *turn), vec(*before, *start.mu)
         blocks = system.unit_blocks
         return (*X, *D, change + turn, force), one_norms(steps, blocks), one_norms(sizes, blocks)
 
