@@ -353,7 +353,7 @@ def fixed_point(sweep: Callable[[Any], tuple[Any, float | Vec, float | Vec]], gu
 
     def told(unknown: Any) -> Any:
         new, changes, sizes = sweep(unknown)
-        return new, (changes, sizes)
+        return new, rounded((changes, sizes)) if words == 2 else (changes, sizes)
 
     def judge(before: Settling, told: Any) -> Any:
         settling = before.after(told[0], told[1], epsilon, noise)

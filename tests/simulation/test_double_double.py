@@ -21,6 +21,7 @@ from liemech.formulas.classes.layouts import build, layout_of, leaves
 from liemech.formulas.numbers.conversions import double_double
 from liemech.formulas.numbers.double_double import DoubleDouble
 from liemech.groups.rigid import rotation_coefficients
+from liemech.tableaus import gauss
 
 PENDULUM = json.loads((Path(__file__).parent.parent / "reference" / "pendulum.json").read_text())
 
@@ -338,6 +339,19 @@ def test_native_code_of_the_exponential_and_of_inexact_derivatives(method: lm.Me
     body, start = asymmetric_body()
     plan = lm.Plan(body, method, 0.4, precision="double-double")
     plain, native = (plan.replace(compiled=c).run(body.state(start.mu), steps=3) for c in (False, True))
+    assert same_bits(plain.carry.numbers, native.carry.numbers)
+
+
+@pytest.mark.slow
+@pytest.mark.compiled
+@pytest.mark.parametrize(
+    "method", [lm.GalerkinVariational(order=2), lm.SymplecticRKMK(order=4), lm.RKMK(tableau=gauss(2))], ids=named
+)
+def test_native_code_of_stages_that_settle(method: lm.Method) -> None:
+    """What tells whether stages have settled is a number in every sweep, of 16 digits."""
+    system, start = heavy_top()[:2]
+    plan = lm.Plan(system, method, 0.1, precision="double-double")
+    plain, native = (plan.replace(compiled=c).run(start, steps=3) for c in (False, True))
     assert same_bits(plain.carry.numbers, native.carry.numbers)
 
 
