@@ -7,7 +7,7 @@ from typing import Any
 
 from ..errors import InvalidInput, require, undefined
 from ..formulas import Element, Vec, cross, derivative, dot, identity_matrix, mat, record, solve, vec, vectors, where
-from ..formulas.classes.derived import derived
+from ..formulas.classes.derived import derived, derived_from
 from ..formulas.numbers.dual import value_of
 from ..formulas.numbers.sizes import one_norm
 from .group_action import GroupAction
@@ -116,6 +116,7 @@ class Representation(GroupAction):
         units = identity_matrix(self.space_dim)
         return solve(mat(*[unit - 0.5 * self.infinitesimal(xi, unit) for unit in units]), p)
 
+    @derived_from("act")
     def invariants(self, mu: Vec, p: Vec) -> Vec:
         """Casimir functions of the semidirect product with the space; none known by default.
         mu : (dim,), p : (k,).

@@ -429,6 +429,12 @@ OTHERS: dict[str, tuple[Callable[[], Any], str]] = {
         ),
         "phi1",
     ),
+    "what is no Casimir of momenta": (
+        lambda: check_action(
+            changed(lm.actions.CoadjointAction, casimirs=lambda self, mu: vec(mu[0]))(lm.SE3()), raises=False
+        ),
+        "Casimirs of momenta",
+    ),
     "an action to nowhere": (
         lambda: check_action(
             changed(lm.actions.SphereAction, act=lambda self, g, x: where(g[0, 0] < 0.5, float("nan"), 1.0) * (g @ x))(

@@ -275,6 +275,26 @@ def test_a_representation_of_ones_own() -> None:
         assert close(map_of(own, name)(*args), map_of(closed, name)(*args), 128), name
 
 
+@lm.record
+class Squeezed(RotationAction):
+    """Rotations in coordinates in which spheres are ellipsoids."""
+
+    def act(self, g: lm.Element, x: lm.Vec) -> lm.Vec:
+        y = self.group.Ad(g, lm.vec(0.5 * x[0], x[1], x[2]))
+        return lm.vec(2.0 * y[0], y[1], y[2])
+
+
+def test_rotations_in_other_coordinates_have_no_casimirs_of_rotations() -> None:
+    """p.p changes along an orbit, and does not tell it from others."""
+    group = lm.SemidirectProduct(SO3, Squeezed(SO3))
+    mu = np.array([0.3, -0.2, 0.5, 0.7, 0.4, -0.6])
+    orbits = lm.coadjoint(group)
+    moved = orbits.K(group.exp([0.4, 0.3, -0.5, 0.2, 0.6, 0.1]), mu)
+    assert abs(moved[3:] @ moved[3:] - mu[3:] @ mu[3:]) > 0.05
+    assert not len(group.casimirs(mu)) and group.further_invariants(mu) is None
+    assert orbits.on_same_orbit(mu, moved)
+
+
 def test_wrong_semidirect_products() -> None:
     with pytest.raises(lm.errors.InvalidType, match="acting must be a LieGroup"):
         lm.SemidirectProduct(lm.SO3)

@@ -7,9 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from ...errors import NotDefined
 from ...formulas import Vec
+from ...groups.coadjoint import CoadjointAction
 from ..points.sample_points import STEP, At, size, slope
 from .closed_forms import Arguments
+from .group_laws import gradients
 from .law import Law, Same, axiom, factors, shaped
 
 ACTION: list[Law] = []
@@ -61,6 +64,16 @@ def exp_act(action: Any, at: At) -> Iterator[Same]:
 @axiom(ACTION, "points stay", "defect(g . x) = 0", optional=True)
 def points_stay(action: Any, at: At) -> Iterator[Same]:
     yield Same(action.defect(action.act(at.g, at.point)), 0.0, at.share(at.g, at.back) * (1.0 + at.length))
+
+
+@axiom(ACTION, "Casimirs of momenta", "casimirs(g . x) = casimirs(x)", optional=True)
+def casimirs_of_momenta(action: Any, at: At) -> Iterator[Same]:
+    if not isinstance(action, CoadjointAction):
+        raise NotDefined("points are no momenta")
+    moved = action.act(at.g, at.point)
+    change = sum(size(gradients(action.casimirs, mu)) for mu in (at.point, moved))
+    scale = change * (size(at.point) + size(moved)) * at.condition
+    yield Same(action.casimirs(moved), action.casimirs(at.point), scale)
 
 
 def arguments(at: At) -> Arguments:

@@ -5,8 +5,9 @@ arrays, its native code.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.linalg import inv, norm, solve
@@ -142,22 +143,23 @@ def slope_of_Ad_star(G: LieGroup, at: At) -> Iterator[Same]:
 PLACE: list[Law] = []
 
 
-def gradients(G: LieGroup, mu: Vec) -> np.ndarray:
+def gradients(casimirs: Callable[[Any], Any], mu: Vec) -> np.ndarray:
     """The derivatives of the Casimirs by all components of a momentum, in steps of a component's
     size: they are polynomials of high degree on large groups.  (dim, number)
     """
-    length = size(mu) / math.sqrt(G.dim)
+    dim = len(mu)
+    length = size(mu) / math.sqrt(dim)
 
     def along(s: float) -> np.ndarray:
-        return of_rows(G.casimirs, flat(mu) + s * length * np.eye(G.dim))
+        return of_rows(casimirs, flat(mu) + s * length * np.eye(dim))
 
-    return slope(along).reshape(G.dim, -1) / length
+    return slope(along).reshape(dim, -1) / length
 
 
 @axiom(PLACE, "Casimirs", "casimirs(Ad*_g mu) = casimirs(mu), and their gradients C' have B(mu) C' = 0", "casimirs")
 def casimirs(G: LieGroup, at: At) -> Iterator[Same]:
     moved = G.Ad_star(at.g, at.mu)
-    slopes, moved_slopes = (gradients(G, mu) for mu in (at.mu, moved))
+    slopes, moved_slopes = (gradients(G.casimirs, mu) for mu in (at.mu, moved))
     b = of_rows(lambda a: G.ad_star(a, at.mu), np.eye(at.dim)).T
     change = float((norm(slopes, axis=0) + norm(moved_slopes, axis=0)).max(initial=0.0))
     yield Same(G.casimirs(moved), G.casimirs(at.mu), change * (size(at.mu) + size(moved)) * at.condition)
@@ -166,7 +168,7 @@ def casimirs(G: LieGroup, at: At) -> Iterator[Same]:
 
 @axiom(PLACE, *INDEPENDENCE, "casimirs", once=True)
 def independent_casimirs(G: LieGroup, at: At) -> Iterator[Same]:
-    yield independence(G.casimirs, lambda mu: gradients(G, mu).T, (at.mu, at.nu, at.mu + at.nu))
+    yield independence(G.casimirs, lambda mu: gradients(G.casimirs, mu).T, (at.mu, at.nu, at.mu + at.nu))
 
 
 @axiom(PLACE, "further invariants", "further_invariants(Ad*_g mu) = further_invariants(mu)", "further_invariants")

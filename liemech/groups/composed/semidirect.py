@@ -256,7 +256,7 @@ class SemidirectProduct(DirectProduct):
 
     def further_invariants(self, mu: Any) -> tuple[float, ...] | None:
         """For rotations |mu| where p = 0, as for rigid motions; None for other actions."""
-        if not isinstance(self.action, RotationAction):
+        if not isinstance(self.action, RotationAction) or type(self.action).act is not RotationAction.act:
             return None
         return () if mu[3:].any() else (float(np.linalg.norm(mu[:3])),)
 
