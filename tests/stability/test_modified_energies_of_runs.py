@@ -96,10 +96,21 @@ def test_an_energy_that_drifts_is_not_called_a_fluctuation() -> None:
     assert lm.modified_energy(run).verdict == "undecided"
 
 
+@lm.record
+class Longer(lm.StormerVerlet):
+    """Steps that are longer than they say, of which the action is not that of h."""
+
+    def step(self, system: Any, t: float, memory: Any, h: float) -> Any:
+        return super().step(system, t, memory, 1.01 * h)
+
+
 def test_what_has_no_modified_energy_is_refused() -> None:
     run = lm.integrate(TOP, lm.RKMK(order=4), CASES["top"][2], h=0.1, steps=20)
     with pytest.raises(lm.errors.IncompatibleSystem, match="the action of the steps of RKMK"):
         lm.modified_energy(run)
+    longer = lm.integrate(Pendulum(), Longer(), Pendulum().state([0.1], [1.5]), h=0.3, steps=300, compiled=False)
+    with pytest.raises(lm.errors.IncompatibleSystem, match="the action of the steps of Longer"):
+        lm.modified_energy(longer)
     run = steps_of("Verlet", 0.2)
     for order in (2, 7):
         with pytest.raises(lm.errors.InvalidInput, match="order is even and above"):

@@ -25,6 +25,7 @@ from ...errors import IncompatibleSystem, InvalidInput, require
 from ...formulas.classes.frozen import frozen
 from ...integrators.free_body.exact_free_body import ExactFreeBody
 from ...integrators.kicks.kick_drift import FieldSplitting
+from ...integrators.method import steps_as
 from ...integrators.separable import SeparableSplitting
 from ...integrators.variational import CovariantVariational
 from ...simulation import arguments
@@ -113,7 +114,7 @@ def modified_energy(run: Trajectory, order: int = 8) -> ModifiedEnergy:
 
 def _actions(method: Any, system: Any, states: Any, h: float) -> np.ndarray:
     """The action L_d of every step, from the samples where it begins and ends, (n,)."""
-    if isinstance(method, SeparableSplitting) and isinstance(system, SeparableSystem):
+    if steps_as(method, SeparableSplitting) and isinstance(system, SeparableSystem):
         q, p, tableau = states["q"][:-1], states["p"][:-1], method.tableau
         actions = np.zeros(len(q))
         for b, a in zip_longest(tableau.kicks, tableau.drifts, fillvalue=0.0):
@@ -122,17 +123,17 @@ def _actions(method: Any, system: Any, states: Any, h: float) -> np.ndarray:
             v = system.velocity(q, p)
             actions, q = actions + a * h * (np.sum(p * v, axis=1) - system.kinetic(p)), q + a * h * v
         return actions
-    free, mu = getattr(method, "free", method), states["mu"]
+    free, mu = getattr(method, "free", method), states.get("mu")
     bodies = (
-        isinstance(system, MechanicalSystem) and isinstance(method, FieldSplitting) and len(method.tableau.drifts) == 1
+        isinstance(system, MechanicalSystem) and steps_as(method, FieldSplitting) and len(method.tableau.drifts) == 1
     )
-    if bodies and system.load is None and not system.driven and isinstance(free, (CovariantVariational, ExactFreeBody)):
+    if bodies and system.load is None and not system.driven and steps_as(free, CovariantVariational, ExactFreeBody):
         place = states["g"]
         v = np.asarray(system.energy(0.0 * mu, place))
         first, last = method.tableau.kicks
         after = mu[:-1] + first * h * system.force(place[:-1])
         return _free_actions(free, system.body, after, h) - h * (first * v[:-1] + last * v[1:])
-    if isinstance(method, CovariantVariational) and isinstance(system, LiePoissonSystem) and "g" in states:
+    if steps_as(method, CovariantVariational) and isinstance(system, LiePoissonSystem) and "g" in states:
         return _free_actions(method, system, mu[:-1], h)
     raise IncompatibleSystem(
         f"modified_energy: the action of the steps of {method!r} is not known for {system!r} with {', '.join(states)}; "
