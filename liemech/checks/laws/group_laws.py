@@ -174,8 +174,8 @@ def independent_casimirs(G: LieGroup, at: At) -> Iterator[Same]:
 @axiom(PLACE, "further invariants", "further_invariants(Ad*_g mu) = further_invariants(mu)", "further_invariants")
 def further_invariants(G: LieGroup, at: At) -> Iterator[Same]:
     moved = G.Ad_star(at.g, at.mu)
-    here, there = (np.array(G.further_invariants(np.array(mu)) or ()) for mu in (at.mu, moved))
-    yield Same(there, here, (size(here) + size(at.mu) + size(moved)) * at.condition)
+    numbers, after = (np.array(G.further_invariants(np.array(mu)) or ()) for mu in (at.mu, moved))
+    yield Same(after, numbers, (size(numbers) + size(at.mu) + size(moved)) * at.condition)
 
 
 @axiom(PLACE, "units", "unit_blocks add up to dim, scale(g) has dim positive numbers", "unit_blocks", "scale")

@@ -85,7 +85,7 @@ class UnitQuaternions(LieGroup):
     def objection(self, g: np.ndarray) -> str | None:
         """Its length is not one."""
         size = float(np.linalg.norm(g))
-        return None if abs(size * size - 1.0) <= MEMBERSHIP else f"its length is {size:.6g}, not 1"
+        return None if abs(size * size - 1.0) <= MEMBERSHIP else f"its length is {size:.6g}, not 1, by {size - 1.0:.1e}"
 
     def nearest(self, g: Ambient) -> Element:
         """q/|q|.  Raises InvalidInput for zero."""
