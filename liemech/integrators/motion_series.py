@@ -115,11 +115,11 @@ def collected(terms: list[Vec]) -> Vec:
     """The vector of series a + e b + e^2 c + ... of the terms a, b, c, ..., which are vectors of series themselves."""
     total = series(terms[0])
     for k in range(1, len(terms)):
-        power = Series(*[None for _ in range(k)], 1.0)
+        power, term = Series(*[None for _ in range(k)], 1.0), series(terms[k])
         if isinstance(total, InMemory):
-            total = total + power * terms[k]
+            total = total + power * term
         else:
-            total = vec(*[a + power * b for a, b in zip(total, terms[k])])
+            total = vec(*[a + power * b for a, b in zip(total, term)])
     return total
 
 
@@ -133,7 +133,7 @@ def series(x: Vec) -> Vec:
     """The vector with every component a series, also those that depend on nothing."""
     if isinstance(x, InMemory):
         return x if isinstance(x, SeriesInMemory) else SeriesInMemory(x)
-    return vec(*[c if isinstance(c, Series) else Series(c) for c in x])
+    return vec(*[Series.holding(c) for c in x])
 
 
 def _at(k: int, x: Vec) -> Vec:

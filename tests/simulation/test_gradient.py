@@ -4,7 +4,6 @@ differences of runs with other parameters.
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -87,21 +86,6 @@ def test_power_series_carry_several_directions(retraction: lm.Retraction, step: 
     right = lm.Plan(BODY, lm.RKMK(order=8), 0.1, compiled=False).gradient(loss, START, steps=4, by=["start", "inertia"])
     for name in ("start", "inertia"):
         assert off(found[name], right[name]) < 1e-7
-
-
-@pytest.mark.parametrize(
-    ("method", "system", "start"),
-    [
-        (lm.HamiltonJacobi(), lm.Kepler(), lm.Kepler().state(q=[1.0, 0.0], p=[0.0, 1.1])),
-        (lm.FirstKindHamiltonJacobi(), BODY, START),
-    ],
-    ids=lambda x: getattr(x, "name", ""),
-)
-def test_power_series_of_numbers_alone_are_refused(method: Any, system: Any, start: Any) -> None:
-    plan = lm.Plan(system, method, h=0.05, compiled=False)
-    for asked in (plan.tangent, partial(plan.gradient, lambda s: 1.0)):
-        with pytest.raises(errors.IncompatibleSystem, match="power series"):
-            asked(start, steps=2)
 
 
 @pytest.mark.slow

@@ -120,17 +120,41 @@ def test_what_is_no_parameter():
             plan.tangent(TURNING, steps=1, by=by)
     with pytest.raises(errors.InvalidInput, match="adaptive ones are held fixed"):
         lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-6).tangent(TURNING, t_end=1.0, by="h")
-    powers = lm.Composition(lm.LiePoissonHamiltonJacobi(4, lm.Cayley()), order=6)
-    for method in (powers, lm.Taylor(order=6)):
-        with pytest.raises(errors.IncompatibleSystem, match="in powers of h"):
-            lm.Plan(BODY, method, h=0.1).tangent(TURNING, steps=1, by="h")
-
-
-@pytest.mark.parametrize("by", ["start", "h"])
-@pytest.mark.parametrize("kind", ["qP", "qQ", "pP"])
-def test_classical_hamilton_jacobi_methods_say_that_they_carry_no_derivative(kind: str, by: str) -> None:
-    """Before, "'Dual' object is not subscriptable"."""
-    system = lm.models.HenonHeiles()
-    plan = lm.Plan(system, lm.SymmetricHamiltonJacobi(4, kind), h=0.1, compiled=False)
     with pytest.raises(errors.IncompatibleSystem, match="power series"):
-        plan.tangent(system.state([0.1, 0.2], [0.2, 0.1]), steps=1, by=by)
+        lm.Plan(BODY, lm.Taylor(order=6), h=0.1).tangent(TURNING, steps=1, by="h")
+
+
+OF_POWERS = [
+    lm.LiePoissonHamiltonJacobi(6),
+    lm.HamiltonJacobi(3),
+    lm.Composition(lm.LiePoissonHamiltonJacobi(4, lm.Cayley()), order=6),
+    lm.FirstKindHamiltonJacobi(3, scale=1.0),
+    *(lm.SymmetricHamiltonJacobi(4, kind) for kind in ("qQ", "pP")),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("method", "compiled"), [*((m, True) for m in OF_POWERS), *((m, False) for m in OF_POWERS[:2])], ids=repr
+)
+def test_methods_of_power_series_by_everything(method: Any, compiled: bool) -> None:
+    """Beside differences of order 8; once they carried derivatives by the start alone, or none."""
+    canonical = isinstance(method, (lm.HamiltonJacobi, lm.SymmetricHamiltonJacobi))
+    system, start, name = (KEPLER, PLANET, "attraction") if canonical else (BODY, TURNING, "inertia")
+    plan = lm.Plan(system, method, h=0.1, compiled=compiled)
+    found = plan.tangent(start, steps=2, by=["start", name, "h"]).tangent
+
+    def with_parameter(x: float) -> Any:
+        return plan.replace(system=lm.Kepler(x) if canonical else lm.RigidBody([1.0, x, 2.0]))
+
+    by_step = slope(lambda h: end(plan.replace(h=h), start, steps=2), 0.1, 1e-3)
+    by_parameter = slope(lambda x: end(with_parameter(x), start, steps=2), 1.0 if canonical else 1.5, 1e-2)
+    assert np.abs(found["h"][-1][:, 0] - by_step).max() < 1e-9
+    assert np.abs(found[name][-1][:, 0 if canonical else 1] - by_parameter).max() < 1e-9
+    if canonical:
+        J, D = np.kron([[0.0, 1.0], [-1.0, 0.0]], np.eye(2)), found["start"][-1]
+        assert np.abs(D.T @ J @ D - J).max() < 1e-13
+    w = np.sin(1.0 + np.arange(len(found["h"][-1])))
+    back = plan.pullback(w, start, steps=2, by=["start", name])
+    assert np.abs(back["start"] - w @ found["start"][-1]).max() < 1e-12
+    assert np.abs(back[name] - w @ found[name][-1]).max() < 1e-12

@@ -12,7 +12,7 @@ import pytest
 from scenes import slow
 
 import liemech as lm
-from liemech.errors import IncompatibleSystem, InvalidInput
+from liemech.errors import InvalidInput
 from liemech.formulas import where
 
 SO3 = lm.SO3()
@@ -198,5 +198,3 @@ def test_a_controlled_body_with_an_attitude() -> None:
 def test_what_has_none() -> None:
     with pytest.raises(InvalidInput, match="in fictive time give steps, and no t_end"):
         lm.Plan(KEPLER, CONTROLLED, 0.05, compiled=False).tangent(orbit(ORBIT), t_end=1.0)
-    with pytest.raises(IncompatibleSystem, match="power series"):
-        lm.Plan(KEPLER, lm.HamiltonJacobi(order=4), 0.05, compiled=False).tangent(orbit(ORBIT), steps=2)

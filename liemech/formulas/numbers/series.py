@@ -24,7 +24,7 @@ from ..classes.records import fields_of, fill
 from ..classes.taken_back import noted
 from ..vectors import Vec, vec
 from .bases import INTEGER_POWER, ONLY_THERE, CarriesMore, InMemory, Operand, Pair, StandIn, raise_if, whole_power
-from .dual import OVER, TIMES, rise_of_tanh
+from .dual import OVER, TIMES, Dual, rise_of_tanh
 from .products import Products, cauchy, plus
 
 
@@ -218,6 +218,13 @@ class Series(Operand):
         return build(layout, iter([Series(x).among(products) for x in leaves(start, layout)]))
 
     @staticmethod
+    def holding(x: Any) -> Series:
+        """The series that holds a number; of a value and a slope that are series, that of numbers with slopes."""
+        if isinstance(x, Series):
+            return x
+        return Series(_term_of(x, 0)).by(lambda k: _term_of(x, k)) if isinstance(x, Dual) else Series(x)
+
+    @staticmethod
     def begun(x: Any, products: Products) -> Any:
         """An unknown that begins with a number; of one that carries a derivative each part is unknown."""
         if isinstance(x, Vec):
@@ -272,11 +279,9 @@ class Series(Operand):
 
     def grow(self, rate: Any, h: Any) -> None:
         """Let this unknown series y solve y' = h rate, where the rate may depend on y."""
-        if isinstance(rate, Pair):
-            raise InvalidType(
-                "a series can go on by numbers and series only: a method of power series cannot be differentiated"
-            )
-        series = rate if isinstance(rate, Series) else Series(rate)
+        if isinstance(rate, Pair) and not isinstance(rate, Dual):
+            raise InvalidType("a series can go on by numbers, also with slopes, and by series only")
+        series = Series.holding(rate)
         if series._multiple:  # one factor for each term, which is known before the term is
             factor, series = series._multiple
             h = h * factor
@@ -298,6 +303,35 @@ class Series(Operand):
             self._terms.append(rule(0))
             noted(self._terms.pop)
         return self
+
+
+def _term_of(x: Any, k: int) -> Any:
+    """c_k of a number, of a series, of value + e slope of such, and of slopes along several directions."""
+    if isinstance(x, Series):
+        return x.term(k)
+    if isinstance(x, Dual):
+        slope = _each(lambda c: _infinitesimal(c if isinstance(c, tuple) else (c,), c, x.level), _term_of(x.slope, k))
+        return plus(_term_of(x.value, k), slope)
+    if isinstance(x, tuple):
+        terms = [_term_of(c, k) for c in x]
+        return None if all(c is None for c in terms) else vec(*[0.0 if c is None else c for c in terms])
+    return None if k or (isinstance(x, int) and x == 0) else x
+
+
+def _infinitesimal(slopes: Any, like: Any, level: float) -> Any:
+    """e times these slopes along several directions, or along one, as `like`: higher levels hold the e of this one."""
+    highest = max([x.level for x in slopes if isinstance(x, Dual)], default=-1.0)
+    if highest < level:
+        return Dual(0.0, vec(*slopes) if isinstance(like, tuple) else slopes[0], level)
+    held = [x if isinstance(x, Dual) and x.level == highest else Dual(x, 0.0, highest) for x in slopes]
+    value = _infinitesimal([x.value for x in held], like, level)
+    if highest == level:  # e^2 = 0
+        return value
+    width = next((len(x.slope) for x in held if isinstance(x.slope, tuple)), None)
+    if width is None:
+        return Dual(value, _infinitesimal([x.slope for x in held], like, level), highest)
+    rows = [x.slope if isinstance(x.slope, tuple) else [0.0] * width for x in held]
+    return Dual(value, vec(*[_infinitesimal(row, like, level) for row in zip(*rows)]), highest)
 
 
 def _unset(pair: Any, products: Products) -> Any:

@@ -11,15 +11,11 @@ import numpy as np
 from ...errors import IncompatibleSystem, InvalidInput
 from ...formulas import Vec, record
 from ...formulas.classes.layouts import Layout, build, layout_of, leaves
-from ...formulas.classes.records import fields_of
 from ...formulas.numbers.dual import Dual
 from ...formulas.vectors import small
-from ...integrators.method import Method, Wrapping
-from ...integrators.taylor import Taylor
+from ...integrators.method import Wrapping
 from ...simulation.compiled.parameters import parameter, shape_of, with_parameter
 from ...systems.system import State
-from ..hamilton_jacobi.lie_poisson_first_kind import FirstKindHamiltonJacobi
-from ..hamilton_jacobi.lie_poisson_hj import LiePoissonHamiltonJacobi
 from .differences import part_of, slope_of
 from .frames import LEVEL, Frames, group_of
 from .varied_input import Tables
@@ -127,24 +123,9 @@ class WithStep(Wrapping):
         return self.method.step(system, t + (self.h / h - 1.0) * (t - self.t0), memory, self.h)
 
 
-def with_step(method: Any, h: float, t0: float) -> Any:
-    """A function that gives a method its step as a parameter; refused for methods that expand the motion
-    in powers of h.
-    """
-    if expands(method):
-        raise IncompatibleSystem(
-            f"Plan.tangent: {method!r} expands the motion in powers of h, and has no derivative by "
-            "it; by the start and by parameters of the system it has one"
-        )
+def with_step(h: float, t0: float) -> Any:
+    """A function that gives a method its step as a parameter."""
     return lambda method: WithStep(method, h, t0)
-
-
-def expands(method: Any) -> bool:
-    """Is a method, or one that it is made of, a power series in its step?"""
-    kinds = FirstKindHamiltonJacobi, LiePoissonHamiltonJacobi
-    is_series = isinstance(method, Taylor) or (isinstance(method, kinds) and method.order > 2)
-    inner = [x for x in fields_of(method).values() if isinstance(x, Method)]
-    return is_series or any(map(expands, inner))
 
 
 def slope(function: Any, step: float, layout: Layout, name: str) -> np.ndarray:

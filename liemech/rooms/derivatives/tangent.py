@@ -66,7 +66,7 @@ def tangent_run(plan: Any, start: State, steps: int, t0: float, names: tuple[str
                 f"Plan.tangent: steps of {method!r} end where an input jumps, whatever h is, and "
                 "have no derivative by it; by the start and by parameters of the system they have one"
             )
-        dressed = with_step(method, prepared.h, t0)
+        dressed = with_step(prepared.h, t0)
     directions = Directions(prepared.one, method, start, names, dressed)
     run, t, values, tangent = carried_along(plan, start, steps, t0, directions)
     return of_tangent(
@@ -119,7 +119,7 @@ def fictive_tangent_run(
         with_clock = Origin(system, method, at).whole
         return with_clock, with_clock.extended(at, t0)
 
-    dressed = with_step(plan.method, plan.h, 0.0) if "h" in names else None
+    dressed = with_step(plan.h, 0.0) if "h" in names else None
     directions = Directions(plan.one, plan.method, start, names, dressed, begins)
     clocked_plan = given_plan.in_fictive_time(origin)
     run, tau, values, tangent = carried_along(clocked_plan, first_state, steps, 0.0, directions)

@@ -96,7 +96,7 @@ class ParameterDirections:
         methods = [fixed.method_of(i) for i in range(bodies or 1)] if self.of_each["method"] else [fixed.method_of(0)]
         if "h" in names and isinstance(fixed.h, tuple):
             raise InvalidInput("Plan.gradient: by h is for one h of all bodies")
-        dressed = with_step(methods[0], fixed.h, t0) if "h" in names else None
+        dressed = with_step(fixed.h, t0) if "h" in names else None
         self.tables = tables = Tables(several[0], names, "Plan.gradient")
         self.of_things = [[table.of(thing) for thing in several] for table in tables.each]
         self.full = {

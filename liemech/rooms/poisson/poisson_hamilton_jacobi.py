@@ -27,7 +27,7 @@ from ...formulas import (
 )
 from ...formulas.classes.remembered import Remembered
 from ...formulas.derivatives import axes, gradient_to_add, tangent
-from ...formulas.numbers.dual import Dual
+from ...formulas.numbers.dual import Dual, is_series
 from ...formulas.numbers.series import Series
 from ...formulas.numbers.sizes import one_norms
 from ...groups.linear_motion import motion_terms
@@ -224,10 +224,10 @@ def odd_terms(structure: Any, dH: Any, t: float, x: Vec, h: float, terms: int) -
     p, q = vec(*[Series(None) for _ in range(n)]), vec(*[Series() for _ in range(n)])
     for i, axis in enumerate(identity_matrix(n)):
         slopes = derivative(lambda z: mean_change(structure, z, p, last), y, axis)
-        bent = vec(*[c if isinstance(c, Series) else Series(None) for c in slopes])  # of s and higher powers
+        bent = vec(*[Series.holding(c) if is_series(c) else Series(None) for c in slopes])  # of s and higher powers
         q[i].by((v[i] - dot(bent, q)).term)
         p[i].grow_oddly(q[i], 1.0)
-    mean = y + mean_change(structure, y, p, last)
+    mean = series(y + mean_change(structure, y, p, last))
     settle(m, [-vec(*[c[k] for c in mean]) for k in range(2, 2 * terms, 2)])
     return values([vec(*[c[k] for c in p]) for k in range(1, 2 * terms, 2)])
 
