@@ -37,6 +37,8 @@ def _termwise(combine: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
             return _made(lambda k: combine(self.term(k), other.term(k)), self, other)
         if not _is_number(other):
             return NotImplemented
+        if _is_none(other):
+            return self
         return _made(lambda k: self.term(k) if k else combine(self.term(0), other), self)
 
     return operator
@@ -314,23 +316,30 @@ def _term_of(x: Any, k: int) -> Any:
         return plus(_term_of(x.value, k), slope)
     if isinstance(x, tuple):
         terms = [_term_of(c, k) for c in x]
-        return None if all(c is None for c in terms) else vec(*[0.0 if c is None else c for c in terms])
-    return None if k or (isinstance(x, int) and x == 0) else x
+        return None if all(c is None for c in terms) else vec(*[0 if c is None else c for c in terms])
+    return None if k or _is_none(x) else x
+
+
+def _is_none(x: Any) -> bool:
+    """Whether a number is the integer 0, which takes part in no operation."""
+    return type(x) is int and x == 0
 
 
 def _infinitesimal(slopes: Any, like: Any, level: float) -> Any:
     """e times these slopes along several directions, or along one, as `like`: higher levels hold the e of this one."""
+    if all(_is_none(x) for x in slopes):
+        return 0
     highest = max([x.level for x in slopes if isinstance(x, Dual)], default=-1.0)
     if highest < level:
-        return Dual(0.0, vec(*slopes) if isinstance(like, tuple) else slopes[0], level)
-    held = [x if isinstance(x, Dual) and x.level == highest else Dual(x, 0.0, highest) for x in slopes]
+        return Dual(0, vec(*slopes) if isinstance(like, tuple) else slopes[0], level)
+    held = [x if isinstance(x, Dual) and x.level == highest else Dual(x, 0, highest) for x in slopes]
     value = _infinitesimal([x.value for x in held], like, level)
     if highest == level:  # e^2 = 0
         return value
     width = next((len(x.slope) for x in held if isinstance(x.slope, tuple)), None)
     if width is None:
         return Dual(value, _infinitesimal([x.slope for x in held], like, level), highest)
-    rows = [x.slope if isinstance(x.slope, tuple) else [0.0] * width for x in held]
+    rows = [x.slope if isinstance(x.slope, tuple) else [0] * width for x in held]
     return Dual(value, vec(*[_infinitesimal(row, like, level) for row in zip(*rows)]), highest)
 
 
