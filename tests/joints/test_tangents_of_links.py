@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_links_in_memory import BLOCK, ROD, TURN, ring, star
+from test_links_in_memory import BLOCK, ROD, TURN, needs_compiler, ring, star
 
 import liemech as lm
 from liemech.simulation.compiled.parameters import full_name, parameter, with_parameter
@@ -132,6 +132,26 @@ def test_backwards_is_the_transpose_of_forwards(made: Any, method: Any) -> None:
     back = plan.pullback(w, start, steps=2)
     sizes = np.abs(back["start"]) @ np.abs(v)
     assert abs(back["start"] @ v - forwards) <= 1e-14 * sizes
+
+
+@needs_compiler
+@pytest.mark.slow
+@pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.LieRATTLE()], ids=repr)
+def test_natively(method: Any) -> None:
+    """The bits of plain Python, and of 64 rods the transpose."""
+    system, start = chain()
+    v, w = np.random.default_rng(4).normal(size=(2, 36))
+    native, plain = (plan_of(system, method, compiled) for compiled in (True, False))
+    assert np.array_equal(*(plan.tangent(start, steps=2, along=v).tangent["along"] for plan in (native, plain)))
+    assert np.array_equal(*(plan.pullback(w, start, steps=2)["start"] for plan in (native, plain)))
+    rods = jt.chain(64, mass=0.5, length=0.1)
+    begun = rods.state(angles={k: [0.1, 0.02 * k, 0.0] for k in range(64)}, rates={0: [0.3, -0.2, 0.4]})
+    plan = lm.Plan(rods, method, h=1e-3, progress=False)
+    v, w = np.random.default_rng(5).normal(size=(2, 12 * 64))
+    run = plan.tangent(begun, steps=20, along=v)
+    back = plan.pullback(w, begun, steps=20)
+    assert run.compiled
+    assert abs(back["start"] @ v - run.tangent["along"][-1] @ w) <= 1e-13 * (np.abs(back["start"]) @ np.abs(v))
 
 
 NAMES = (

@@ -28,7 +28,7 @@ from ...rooms.sites.steps_together import copied
 from ...systems.kinetic_energy import times
 from .elimination import pulled_by_solution, scattered
 from .links import NUMBER, PAIR, SIX, LinkedBodies, both, poses_of, pull_on, speeds
-from .multipliers import find_multipliers, moved_along, work_in
+from .multipliers import find_multipliers, moved_along, rated, work_in
 
 
 def with_way_back(system: LinkedBodies, varied: bool) -> LinkedBodies:
@@ -36,7 +36,7 @@ def with_way_back(system: LinkedBodies, varied: bool) -> LinkedBodies:
     columns = dict(zip(system.work.detail[1], system.work.parts))
     equations = columns.pop("equations")  # behind which blocks lie
     columns |= dict(
-        asked=Layout("tuple", (columns["state"], vector(12))),  # (u, w)
+        asked=Layout("tuple", (columns["state"], vector(12), NUMBER)),  # (u, w), and 1 on the way back
         felt=vector(12),
         multipliers=vector(system.most),
         acceleration=SIX,
@@ -69,11 +69,21 @@ def felt_by_numbers(system: LinkedBodies, planes: Any, fixed: np.ndarray) -> np.
     return felt
 
 
-def multipliers_back(system: Any, t: float, sites: Any, memory: Layout) -> None:
-    """The derivatives by the states of all bodies of a function of their velocities on T*SE(3)."""
+def both_ways(system: Any, t: float, sites: Any, memory: Layout) -> None:
+    """The velocities of all bodies on T*SE(3), as `multipliers`; on the way back the derivatives by the states of a function
+    of them.  Native code has what they share once.
+    """
     work = work_in(sites, memory, system)
-    state, equations = work.asked.nth(0), work.equations.heads(system.most)
-    find_multipliers(system, t, sites, state, work)
+    find_multipliers(system, t, sites, work.asked.nth(0), work)
+    if work.asked.nth(2).at(0) > 0.0:
+        multipliers_back(system, t, sites, work.asked.nth(0), work, work.equations.heads(system.most))
+    else:
+        each(sites, rated, system, work)
+        each(sites, copied, work.rate_on_cotangent, work.felt)
+
+
+def multipliers_back(system: Any, t: float, sites: Any, state: Any, work: Any, equations: Any) -> None:
+    """The derivatives by the states of all bodies of a function of their velocities on T*SE(3)."""
     each(sites, kept, work, equations)
     each(sites, rates_of_cotangent, work, equations)
     pulled_by_solution(system, sites, work, equations)

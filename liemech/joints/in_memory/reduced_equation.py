@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...formulas import Vec, plain, record
+from ...formulas import Vec, plain, record, vec
 from ...formulas.classes.layouts import Layout
-from ...formulas.numbers.transposes import ruled
+from ...formulas.numbers.transposes import is_pulled, ruled
 from ...formulas.sites import once, total
 from ...groups.rigid.se3 import SE3
 from ...systems.kinetic_energy import KineticEnergy
@@ -19,7 +19,7 @@ from ...systems.mechanical import MechanicalSystem
 from ...systems.potential import NoPotential
 from ...systems.system import System
 from .multipliers import multipliers, work_in
-from .multipliers_backwards import multipliers_back
+from .multipliers_backwards import both_ways
 
 FREE: Any = MechanicalSystem(LiePoissonSystem(SE3(), KineticEnergy([1.0] * 6)), NoPotential())
 """A body that moves alone, for its group; its inertia does not count."""
@@ -67,6 +67,8 @@ class BodyAmongJoints(System):
         )
 
     def _rate_at(self, t: float, state: BodyState) -> Vec:
+        if is_pulled():
+            return self._either_way(t, state, vec(*[0.0] * 12), 0.0)
         work = work_in(self.sites, self.memory, self.links)
         velocity: Vec = once(
             multipliers, work.state, state, work.rate_on_cotangent, self.links, t, self.sites, self.memory
@@ -74,6 +76,11 @@ class BodyAmongJoints(System):
         return velocity
 
     def _rate_back(self, t: float, state: BodyState, w: Vec) -> Any:
-        work = work_in(self.sites, self.memory, self.links)
-        felt: Vec = once(multipliers_back, work.asked, (state, w), work.felt, self.links, t, self.sites, self.memory)
+        felt = self._either_way(t, state, w, 1.0)
         return (BodyState(felt[:6], felt[6:]),), []
+
+    def _either_way(self, t: float, state: BodyState, w: Vec, back: float) -> Vec:
+        """The velocity, or, with 1 for `back`, the derivatives by the state of <w, velocity>."""
+        work = work_in(self.sites, self.memory, self.links)
+        answer: Vec = once(both_ways, work.asked, (state, w, back), work.felt, self.links, t, self.sites, self.memory)
+        return answer
