@@ -23,11 +23,11 @@ from ...formulas import Mat, Vec, derivative, dot, mat, plain, vec, vectors
 from ...formulas.classes.layouts import Layout, floats_in, vector, with_floats
 from ...formulas.classes.records import with_fields
 from ...formulas.columns import named
-from ...formulas.numbers.transposes import AtElement, pulled_back
+from ...formulas.numbers.transposes import pulled_back
 from ...rooms.sites.steps_together import copied
 from ...systems.kinetic_energy import times
 from .elimination import pulled_by_solution, scattered
-from .links import NUMBER, PAIR, SIX, LinkedBodies, both, poses_of, pull_on, speeds
+from .links import NUMBER, PAIR, REST6, SIX, LinkedBodies, both, poses_of, pull_on, speeds
 from .multipliers import find_multipliers, moved_along, rated, work_in
 
 
@@ -117,20 +117,20 @@ def felt_by_joint(system: Any, t: float, state: Any, work: Any, equations: Any) 
     (g, k), (xi, eta), has_second = poses_of(state, work), both(work.free_at_end, work), work.ends.load()[2]
     held = [both(column, work) for column in (work.acceleration, work.covelocity)]
     held = [(a, has_second * b) for a, b in held]
-    lam, nu, place = work.multipliers.load(), equations.solution.load(), (AtElement(g), AtElement(k))
+    lam, nu = work.multipliers.load(), equations.solution.load()
 
     kind, now = work.ends.load()[3], records_of(work.joint_parameters, system.kinds)
 
     def added(x: Any) -> float:
         return of_kind(
             varied(now, system.kinds, x[4:]), kind,
-            lambda joint: of_joint(joint, system, t, lam, nu, *held, *x[:4]),
+            lambda joint: of_joint(joint, system, t, lam, nu, *held, *shifted(x, g, k), *x[2:4]),
         )  # fmt: skip
 
     numbers = numbers_of(now, system.kinds) if system.varied else []
-    felt, _ = pulled_back(added, system.group, (), (*place, xi, has_second * eta, *numbers), 1.0)
+    felt, _ = pulled_back(added, None, (), (REST6, REST6, xi, has_second * eta, *numbers), 1.0)
     work.felt_by_velocities.save((felt[2], has_second * felt[3]))
-    work.felt_by_poses.save((felt[0].g, has_second * felt[1].g))
+    work.felt_by_poses.save((felt[0], has_second * felt[1]))
     if system.varied:
         for k, by in enumerate(felt[4:]):
             work.by_joints.nth(k).save(work.by_joints.nth(k).load() + by)
@@ -141,6 +141,13 @@ def by_entries(inverse: Any, *pairs: tuple[Vec, Vec]) -> Any:
     if isinstance(inverse, Mat):
         return mat(*[vec(*[vectors.sum([a[i] * b[j] for a, b in pairs]) for j in range(6)]) for i in range(6)])
     return vec(*[vectors.sum([a[i] * b[i] for a, b in pairs]) for i in range(6)])
+
+
+def shifted(x: Any, g: Any, k: Any) -> tuple[Any, Any]:
+    """Two poses, displaced by the first two of several vectors, which are zero: what depends on these has the derivatives by
+    the poses.
+    """
+    return moved_along(g, x[0], 1.0), moved_along(k, x[1], 1.0)
 
 
 def records_of(column: Any, kinds: tuple[Layout, ...]) -> list[Any]:
@@ -168,10 +175,10 @@ def of_kind(records: list[Any], which: int, formula: Any, k: int = 0) -> Any:
 
 
 def of_joint(
-    joint: Any, system: Any, t: float, lam: Vec, nu: Vec, A: Any, V: Any, first: Any, second: Any, xi: Vec, eta: Vec
+    joint: Any, system: Any, t: float, lam: Vec, nu: Vec, A: Any, V: Any, g: Any, k: Any, xi: Vec, eta: Vec
 ) -> float:  # fmt: skip
     """<V, F> - <lam, G V> - <nu, d/ds G(g exp(s xi)) (xi + s A)>, of the forces F at a joint and its conditions."""
-    g, k, m, n = first.g, second.g, system.most, system.freedoms
+    m, n = system.most, system.freedoms
 
     def held_rate(s: float) -> float:
         rows = joint.rows(moved_along(g, xi, s), moved_along(k, eta, s), m, 0)
@@ -207,23 +214,25 @@ def felt_by_body(system: Any, t: float, state: Any, work: Any) -> None:
     mu, q, xi = plain(begin.mu), V - uw[6:], work.free_at_end.load()
     weight, inverse, now = work.weight.load(), work.inverse.load(), records_of(work.force_parameters, system.fields)
 
-    kind = work.acting.load() if len(system.fields) > 0 else 0
+    kind, g = work.acting.load() if len(system.fields) > 0 else 0, plain(begin.g)
 
     def added(x: Any) -> float:
-        return power_on_body(system, t, varied(now, system.fields, x[2:]), kind, weight, V, x[0].g, x[1])
+        return power_on_body(
+            system, t, varied(now, system.fields, x[2:]), kind, weight, V, moved_along(g, x[0], 1.0), x[1]
+        )
 
     numbers = numbers_of(now, system.fields) if system.varied else []
-    felt, _ = pulled_back(added, system.group, (), (AtElement(plain(begin.g)), xi, *numbers), 1.0)
+    felt, _ = pulled_back(added, None, (), (REST6, xi, *numbers), 1.0)
     by_velocity = uw[:6] + work.felt_by_velocity.load() + felt[1] - system.group.ad_star(q, mu)
     by_mu = times(inverse, by_velocity) + system.group.ad(xi, q)
     if system.varied:
-        J, pose = work.inertia.load(), plain(begin.g)
+        J = work.inertia.load()
         pairs = (by_velocity, mu), (times(J, q), times(J, work.acceleration.load()))
         work.by_inverse.save(work.by_inverse.load() + by_entries(inverse, *pairs))
-        work.by_weight.save(work.by_weight.load() - dot(vec(*[pose[2, j] for j in range(3)]), V[3:]))
+        work.by_weight.save(work.by_weight.load() - dot(vec(*[g[2, j] for j in range(3)]), V[3:]))
         for k, by in enumerate(felt[2:]):
             work.by_forces.nth(k).save(work.by_forces.nth(k).load() + by)
-    work.felt.save(vec(*by_mu, *(felt[0].g + pull_on(work))))
+    work.felt.save(vec(*by_mu, *(felt[0] + pull_on(work))))
 
 
 def power_on_body(

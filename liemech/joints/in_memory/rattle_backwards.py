@@ -22,11 +22,12 @@ from ...compiler.sites.planes import columns, each, load, save
 from ...formulas import Record, Vec, dot, mat, plain, record, vec
 from ...formulas.classes.layouts import Layout
 from ...formulas.numbers.conversions import fitted
-from ...formulas.numbers.transposes import AtElement, pulled_back
+from ...formulas.numbers.transposes import pulled_back
 from ...systems.kinetic_energy import times
 from ...systems.lie_poisson import BodyState
 from .elimination import assembled, factored, pulled_by_solution, save_answers, scattered, solved
-from .links import both, poses_of, pull_on, speeds, wrenches
+from .links import REST6, both, poses_of, pull_on, speeds, wrenches
+from .multipliers import moved_along
 from .multipliers_backwards import (
     by_entries,
     led_back,
@@ -35,6 +36,7 @@ from .multipliers_backwards import (
     power_on_body,
     rates_of_cotangent,
     records_of,
+    shifted,
     varied,
 )
 from .rattle_of_links import (
@@ -167,7 +169,7 @@ def save_felt(
 
     def added(x: Any) -> float:
         joints = varied(now, system.kinds, x[2:])
-        value = of_kind(joints, kind, lambda joint: of_joint(joint, system, h, impulses, held, x[0].g, x[1].g))
+        value = of_kind(joints, kind, lambda joint: of_joint(joint, system, h, impulses, held, *shifted(x, g, k)))
         if system.varied and kappa is not None:
             ends = poses_of(work.end_pose, work)
             c = of_kind(joints, kind, lambda joint: joint.value(*ends, system.most))
@@ -175,8 +177,8 @@ def save_felt(
         return value
 
     numbers = numbers_of(now, system.kinds) if system.varied else []
-    felt, _ = pulled_back(added, system.group, (), (AtElement(g), AtElement(k), *numbers), 1.0)
-    work.wrench.save((felt[0].g, has_second * felt[1].g))
+    felt, _ = pulled_back(added, None, (), (REST6, REST6, *numbers), 1.0)
+    work.wrench.save((felt[0], has_second * felt[1]))
     if system.varied:
         for k, by in enumerate(felt[2:]):
             work.by_joints.nth(k).save(work.by_joints.nth(k).load() + by)
@@ -227,11 +229,11 @@ def felt_by_body(system: Any, h: float, state: Any, work: Any) -> None:
 
     def added(x: Any) -> float:
         acting = varied(now, system.fields, x[2:])
-        return h * power_on_body(system, 0.0, acting, kind, x[1], V, x[0].g, V)
+        return h * power_on_body(system, 0.0, acting, kind, x[1], V, moved_along(g, x[0], 1.0), V)
 
     numbers = numbers_of(now, system.fields) if system.varied else []
-    felt, _ = pulled_back(added, system.group, (), (AtElement(g), weight, *numbers), 1.0)
-    work.felt_by_velocity.save(work.felt_by_velocity.load() + (felt[0].g + pull_on(work)))
+    felt, _ = pulled_back(added, None, (), (REST6, weight, *numbers), 1.0)
+    work.felt_by_velocity.save(work.felt_by_velocity.load() + (felt[0] + pull_on(work)))
     if system.varied:
         work.by_weight.save(work.by_weight.load() + felt[1])
         for k, by in enumerate(felt[2:]):
@@ -252,7 +254,7 @@ def freely_back(system: Any, retraction: Any, h: float, old: Any, work: Any) -> 
     def paired(y: Any) -> float:
         return dot(V, retraction.tau_Ad_star(system.group, y[0], y[1]))
 
-    (by_x, by_m), _ = pulled_back(paired, system.group, (), (x, m), 1.0)
+    (by_x, by_m), _ = pulled_back(paired, None, (), (x, m), 1.0)
     work.acceleration.save(by_m)
     work.velocity.save(by_m + (led(work.answer_at_end.load(), eta) + led(work.answer.load(), by_x)))
 
