@@ -4,6 +4,7 @@ and the derivatives by parameters of the terms, edge by edge.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from ....compiler.driver import accepted, attempt, itself, read, reason, write
@@ -117,7 +118,9 @@ def backward_parts(
         for i, motion in enumerate(way.motions):
             for _ in range(int(part.kind == i)):
                 if motion.together:
-                    motion.go_back(way.system, part, states, n, way.state, beside, felt, way.felt)
+                    trial = attempt(motion.go_back, way.system, part, states, n, way.state, beside, felt, way.felt)
+                    if not accepted(trial, itself):
+                        each(felt, lost, way, felt)
                 elif isinstance(motion, FieldTurn):
                     turned_back(way, motion, part, states, n, felt, elements, momenta)
                 else:
@@ -142,6 +145,12 @@ def one_back(
             save(momenta, int(part.momenta) + j, asked, way.momentum)
         for j, asked in enumerate(back.elements):
             save(elements, int(part.elements) + j, asked, way.element)
+
+
+def lost(way: WayBack, felt: Any) -> None:
+    """No derivative of a site, where a step that was made forwards is not made again."""
+    w = load(felt, 0, way.felt)
+    save(felt, 0, fitted(BodyState(math.nan * w.mu, w.g), way.felt), way.felt)
 
 
 def turned_back(
