@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from ...compiler.sites.planes import columns, each
-from ...formulas import Mat, Vec, derivative, dot, mat, plain, vec, vectors
+from ...formulas import Vec, derivative, dot, mat, plain, vec, vectors
 from ...formulas.classes.layouts import Layout, floats_in, vector, with_floats
 from ...formulas.classes.records import with_fields
 from ...formulas.columns import named
@@ -124,7 +124,7 @@ def felt_by_joint(system: Any, t: float, state: Any, work: Any, equations: Any) 
     def added(x: Any) -> float:
         return of_kind(
             varied(now, system.kinds, x[4:]), kind,
-            lambda joint: of_joint(joint, system, t, lam, nu, *held, *shifted(x, g, k), *x[2:4]),
+            lambda joint: of_joint(joint, system, t, lam, nu, held, *shifted(x, g, k), *x[2:4]),
         )  # fmt: skip
 
     numbers = numbers_of(now, system.kinds) if system.varied else []
@@ -138,7 +138,7 @@ def felt_by_joint(system: Any, t: float, state: Any, work: Any, equations: Any) 
 
 def by_entries(inverse: Any, *pairs: tuple[Vec, Vec]) -> Any:
     """The derivative of the sum of <a, J^-1 b> by the moments or the matrix J^-1."""
-    if isinstance(inverse, Mat):
+    if isinstance(inverse, vectors.Mat):
         return mat(*[vec(*[vectors.sum([a[i] * b[j] for a, b in pairs]) for j in range(6)]) for i in range(6)])
     return vec(*[vectors.sum([a[i] * b[i] for a, b in pairs]) for i in range(6)])
 
@@ -175,10 +175,10 @@ def of_kind(records: list[Any], which: int, formula: Any, k: int = 0) -> Any:
 
 
 def of_joint(
-    joint: Any, system: Any, t: float, lam: Vec, nu: Vec, A: Any, V: Any, g: Any, k: Any, xi: Vec, eta: Vec
+    joint: Any, system: Any, t: float, lam: Vec, nu: Vec, held: Any, g: Any, k: Any, xi: Vec, eta: Vec
 ) -> float:  # fmt: skip
     """<V, F> - <lam, G V> - <nu, d/ds G(g exp(s xi)) (xi + s A)>, of the forces F at a joint and its conditions."""
-    m, n = system.most, system.freedoms
+    (A, V), m, n = held, system.most, system.freedoms
 
     def held_rate(s: float) -> float:
         rows = joint.rows(moved_along(g, xi, s), moved_along(k, eta, s), m, 0)

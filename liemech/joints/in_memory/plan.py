@@ -55,9 +55,7 @@ class LinksOfPlan(SitesOfPlan):
 
     def with_derivatives(self, level: float) -> LinksOfPlan:
         """The runs of the plan whose numbers carry a derivative of this level."""
-        plan = like(self.plan)
-        plan._sites = LinksOfPlan(plan, with_derivatives(self.site, level))
-        return plan._sites
+        return self._of_system("derivatives", lambda: with_derivatives(self.site, level))
 
     def room_beside(self, count: int) -> Planes:
         form = self.plan._one.linked
@@ -90,9 +88,15 @@ class LinksOfPlan(SitesOfPlan):
         return (motion,), [(0, node, share) for share, node in shares.tolist()]
 
     def on_the_way_back(self, varied: bool) -> LinksOfPlan:
-        plan = like(self.plan)
-        plan._sites = LinksOfPlan(plan, with_way_back(self.site, varied))
-        return plan._sites
+        return self._of_system(f"way back {varied}", lambda: with_way_back(self.site, varied))
+
+    def _of_system(self, name: str, made: Any) -> LinksOfPlan:
+        """The runs of the plan with the system in another form, which is made once."""
+        if name not in self.known:
+            plan = like(self.plan)
+            self.known[name] = plan._sites = LinksOfPlan(plan, made())
+        of_form: LinksOfPlan = self.known[name]
+        return of_form
 
     def numbers_of(self, system: Any) -> np.ndarray:
         numbers: np.ndarray = system.linked.fixed

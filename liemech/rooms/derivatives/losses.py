@@ -68,8 +68,8 @@ class Objective:
                 continue
             function = Loss(functions, name, self.run.bodies if self.by_site is None else None)
             if self.as_one:
-                values, parts = function.pulled(self.run, where)
-                sums.append(math.fsum(values))
+                lost, parts = function.pulled(self.run, where)
+                sums.append(math.fsum(lost))
                 self._add(where, parts)
             for some in self._pieces(where[: 0 if self.as_one else None]):
                 of_some = self.run.t[some], states.numbers[some], states.basis(some)

@@ -290,13 +290,15 @@ class BackwardRun:
 
     def _by_numbers(self) -> dict[str, np.ndarray]:
         """The derivatives by parameters of a linkage, through its numbers in memory that follow from them."""
-        felt, system, by_name = self.of_sites.felt_by_numbers(self.beside), self.plan._one, {}
+        felt, system, by_name = self.of_sites.felt_by_numbers(self.beside), self.plan._one, {}  # type: Any, Any, Any
+        where = np.nonzero(felt)
         for name in self.names:
-            full, moves = full_name(system, name, "Plan.gradient"), []
-            for moved, step in parameter_moves(system, full):
-                change = slope_of(lambda x, moved=moved: self.of_sites.numbers_of(moved(x)), step)
-                moves.append(float(felt[felt != 0.0] @ change[felt != 0.0]))
-            by_name[name] = np.reshape(moves, shape_of(layout_of(parameter(system, full))))
+            full = full_name(system, name, "Plan.gradient")
+            changes = [
+                slope_of(lambda x, moved=moved: self.of_sites.numbers_of(moved(x))[where], step)  # type: ignore[misc]
+                for moved, step in parameter_moves(system, full)
+            ]
+            by_name[name] = np.reshape(changes @ felt[where], shape_of(layout_of(parameter(system, full))) or ())
         return by_name
 
     def _pieces(self, n: np.ndarray) -> tuple[np.ndarray, ...]:

@@ -37,7 +37,7 @@ class WayBack(Record):
     cut, beyond : do steps end where inputs jump, and the part of one by which stages lie outside of it?
     """
 
-    motions: tuple[SiteMotion, ...]
+    motions: tuple[Any, ...]
     system: Any
     state: Any
     felt: Any
