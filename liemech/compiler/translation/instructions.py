@@ -15,8 +15,8 @@ LIMIT = 80_000
 """Instructions of a kernel that LLVM compiles in about ten seconds: more are refused."""
 
 WITH_SLOPES = 2
-"""The factor of LIMIT where numbers carry a derivative along one direction, in tangent maps and gradients: their steps
-have about three times as many instructions as plain ones.
+"""The factor of LIMIT where numbers carry a derivative along one direction, in tangent maps and gradients, and of drivers
+that go back, `goes_back`: their steps have about three times as many instructions as plain ones.
 """
 
 SIDE_BY_SIDE = 9000

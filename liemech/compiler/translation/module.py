@@ -36,9 +36,10 @@ def translated(
     other.
     """
     width = llvm.width()
+    slopes = getattr(entry, "goes_back", False) or _directions(kinds) == 1
+    limit = instructions.LIMIT * (instructions.WITH_SLOPES if slopes else 1)
     if "planes" in kinds:
-        return _translation(entry, kinds, lanes, arguments, instructions.LIMIT)
-    limit = instructions.LIMIT * (instructions.WITH_SLOPES if _directions(kinds) == 1 else 1)
+        return _translation(entry, kinds, lanes, arguments, limit)
     translation = _translation(entry, kinds, min(lanes, width), arguments, limit)
     if lanes > width and llvm.size(translation[1]) <= instructions.SHORT:
         with contextlib.suppress(TooLong):

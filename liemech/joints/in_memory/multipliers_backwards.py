@@ -108,7 +108,7 @@ def kept(work: Any, equations: Any) -> None:
 
 
 def rates_of_cotangent(work: Any, equations: Any) -> None:
-    """G w."""
+    """G w, in the place of what conditions miss."""
     equations.residual.save(vec(*speeds(equations.sides.load(), both(work.velocity, work))))
 
 

@@ -196,31 +196,31 @@ class RunWithEvents:
         """The changes of numbers of the state behind a crossing along some of the directions, (directions, numbers), and the
         derivatives of the times of its zeros.  changes : where it begins.
         """
-        state, rows, many = self.state(crossing.first), directions.slopes[some], len(changes)
+        state, rows, width = self.state(crossing.first), directions.slopes[some], len(changes)
         of_method, of_system, _ = directions.places
         varied_system = directions.varied.get(some.start, directions.system)
         method = self._way(dual_of(directions.method, rows[:, of_method].T))
         system, layout = dual_of(varied_system, rows[:, of_system].T), layout_of(state)
         t, end, times = self.run.t.item(crossing.first), self.run.t.item(crossing.last), []  # type: Any, Any, list[np.ndarray]
-        clock, moved = Dual(t, Vec(*[0.0] * many), LEVEL), dual_of(state, changes.T)
+        clock, moved = Dual(t, Vec(*[0.0] * width), LEVEL), dual_of(state, changes.T)
         at_end = None  # where the run ends inside of a step
         for number, at, whole in crossing.zeros:
             event = self.events[number]
             rate, before, rates = self.at_zero(event, t, state, at, whole)
             at_same_time = self.leg(method, system, clock, moved, at - clock, whole)
-            dt = -slopes_of([event(at, at_same_time)], many)[:, 0] / rate
+            dt = -slopes_of([event(at, at_same_time)], width)[:, 0] / rate
             times.append(dt)
             at_end = whole if self.run.ended == number and at == end else None
             if at_end is not None or not isinstance(event, Jump):
                 continue
-            changes = slopes_of(leaves(at_same_time, layout), many) + np.outer(dt, rates)
+            changes = slopes_of(leaves(at_same_time, layout), width) + np.outer(dt, rates)
             clock, moved = Dual(at, Vec(*dt.tolist()), LEVEL), dual_of(before, changes.T)
             try:
-                changes = slopes_of(leaves(event.jump_of(system).after(clock, moved), layout), many)
+                changes = slopes_of(leaves(event.jump_of(system).after(clock, moved), layout), width)
             except TypeError:  # one that numbers with derivatives do not go through, as `system.state`
-                given = at, before, directions.frames
+                place = at, before, directions.frames
                 changes = np.array([
-                    self._jumped(event, varied_system, row[of_system], shift, *given, change)
+                    self._jumped(event, varied_system, row[of_system], shift, *place, change)
                     for row, shift, change in zip(rows, dt.tolist(), changes)
                 ])  # fmt: skip
             state, t = self.behind(event, self.system, at, before), at
@@ -232,7 +232,7 @@ class RunWithEvents:
         else:  # where the run ends with a jump
             xi = self.system.rate(t, self.system.essential_part(state))
             moved = self.system.displaced(Exponential(), moved, (end - clock) * xi)
-        return slopes_of(leaves(moved, layout), many), times
+        return slopes_of(leaves(moved, layout), width), times
 
     def points(self, row: int) -> dict[str, np.ndarray]:
         """The parts of the state at a row, with a leading axis."""

@@ -29,7 +29,7 @@ from ....simulation.compiled.parameters import full_name, parameter, shape_of
 from ....systems.in_time.inputs import inputs
 from ....systems.many.site_state import SiteValues
 from ...sites.parts_of_spins import Sublattices
-from ...sites.runs.execution import SiteExecution
+from ...sites.runs.execution import WORTH, SiteExecution
 from ...sites.runs.lists import Lists
 from ...sites.runs.states import first_of, site_rows
 from ...sites.spin_splittings import TermSplitting, terms_of
@@ -109,6 +109,10 @@ class BackwardRun:
         if key not in sites.known:
             sites.known[key] = self._executions()
         self.forward, self.backward = [execution.of_a_run() for execution in sites.known[key]]
+        if self.of_sites.site.jointed and self.count * steps >= WORTH:
+            for execution in (self.forward, self.backward):  # or in plain Python, with a warning
+                execution.compile()
+                execution.asked = execution.wanted
         if steps > 1 and remembers(inner_method(plan)):
             self._require_anew(sites)
 

@@ -130,6 +130,9 @@ def backward_parts(
             met = met + 1
 
 
+backward_parts.goes_back = True  # type: ignore[attr-defined]
+
+
 def one_back(
     way: WayBack, motion: SiteMotion, part: StepPart, states: Any, beside: Any, n: int, felt: Any, momenta: Any,
     elements: Any,

@@ -72,8 +72,8 @@ def of_fixed_steps(sites: Any, start: Any, steps: int, t0: float, given: Any) ->
     """The run of `tangent_by_sites` with fixed steps."""
     plan, first = sites.plan, first_of(start)
     frames, every = Frames(sites.site, first), plan.options.every
-    many = sites.count_of(start)
-    n, samples = many * frames.count, steps // every + 1
+    moving = sites.count_of(start)
+    n, samples = moving * frames.count, steps // every + 1
     name, vectors = given or ("start", None)
     directions = np.eye(n) if vectors is None else arguments.directions(name, vectors, n)
     columns = directions.reshape(n, -1)
@@ -91,13 +91,13 @@ def of_fixed_steps(sites: Any, start: Any, steps: int, t0: float, given: Any) ->
         products, basis = [], frames.basis(start.arrays)
         for direction in columns.T if name == "along" else np.eye(n):
             slopes = np.zeros((basis.shape[-1], start.sites))
-            slopes[:, :many] = np.einsum("sc,scn->ns", frames.of_each(direction[None])[0], basis[:many])
+            slopes[:, :moving] = np.einsum("sc,scn->ns", frames.of_each(direction[None])[0], basis[:moving])
             run = type("RunAlong", (Along, sites.kind), {"slopes": slopes})(plan, *run_with)
             trajectory = run.trajectory()
             values, slopes = (np.moveaxis(x, 1, -1) for x in run.halves())
             by_site = unpacked(layout_of(first), values)
             duals = dual_basis(StatesInFrames(frames, by_site).basis())
-            product = frames.in_a_row((slopes[:, :, None] @ duals)[:, :many, 0])
+            product = frames.in_a_row((slopes[:, :, None] @ duals)[:, :moving, 0])
             products.append(product @ columns if name == "against" else product)
         tangent = np.stack(products, axis=1 if name == "against" else -1)
         states = plan._one.as_users_see(by_site)
