@@ -20,7 +20,7 @@ from ....errors import IncompatibleSystem, IntegrationFailure, NotFinite
 from ....formulas.classes.layouts import carried_layout, layout_of
 from ....formulas.classes.records import records_in, with_fields, with_records
 from ....formulas.classes.remembered import Remembered
-from ....formulas.sites import padded, rows_of
+from ....formulas.sites import EIGHT, padded, rows_of
 from ....groups.composed.species import SpeciesGroup
 from ....integrators.ending_at_jumps import uncut
 from ....integrators.method import steps_as
@@ -224,10 +224,10 @@ class BackwardRun:
     def _executions(self) -> tuple[SiteExecution, SiteExecution]:
         steps, planes = self.plan._steps, Planes.of_rows(1, 1)
         none, shared = kernel.Columns(np.empty(0)), kernel.Shared(np.empty(0))
-        of_run = steps.compiled, steps.progress
+        of_run, most = (steps.compiled, steps.progress), min(EIGHT, self.count) if self.of_sites.site.jointed else EIGHT
         return (
-            SiteExecution(*of_run, forward_parts, self.way, 1, shared, planes, planes, none, None),
-            SiteExecution(*of_run, backward_parts, self.way, 1, shared, *[planes] * 6),
+            SiteExecution(*of_run, forward_parts, self.way, 1, shared, planes, planes, none, None, most=most),
+            SiteExecution(*of_run, backward_parts, self.way, 1, shared, *[planes] * 6, most=most),
         )
 
     def _parts(self, parameters: list[Parameter]) -> list[SlopesOfPart]:

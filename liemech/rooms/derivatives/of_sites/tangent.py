@@ -88,7 +88,7 @@ def of_fixed_steps(sites: Any, start: Any, steps: int, t0: float, given: Any) ->
             states = trajectory.states
             tangent = np.stack([[back.back({k: w})[0] for w in columns.T] for k in run.numbers.tolist()]).swapaxes(1, 2)
     if tangent is None:
-        products, basis = [], frames.basis(start.arrays)
+        products, basis, duals = [], frames.basis(start.arrays), None
         for direction in columns.T if name == "along" else np.eye(n):
             slopes = np.zeros((basis.shape[-1], start.sites))
             slopes[:, :moving] = np.einsum("sc,scn->ns", frames.of_each(direction[None])[0], basis[:moving])
@@ -96,7 +96,8 @@ def of_fixed_steps(sites: Any, start: Any, steps: int, t0: float, given: Any) ->
             trajectory = run.trajectory()
             values, slopes = (np.moveaxis(x, 1, -1) for x in run.halves())
             by_site = unpacked(layout_of(first), values)
-            duals = dual_basis(StatesInFrames(frames, by_site).basis())
+            if duals is None:  # the states are the same along all directions
+                duals = dual_basis(StatesInFrames(frames, by_site).basis())
             product = frames.in_a_row((slopes[:, :, None] @ duals)[:, :moving, 0])
             products.append(product @ columns if name == "against" else product)
         tangent = np.stack(products, axis=1 if name == "against" else -1)
