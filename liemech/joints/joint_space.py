@@ -93,10 +93,10 @@ class JointSpace(Record):
     # ---------------------------------------------------------------- along the tree
 
     def _jacobian(self, g: Vec, point: Vec, number: Any) -> Mat:
-        here, columns = pose(g, number), [REST6] * self.freedoms
+        frame, columns = pose(g, number), [REST6] * self.freedoms
         for i, xi in zip(self.moved_by[number], self._velocities(g)[number]):
             w, v = xi[:3], xi[3:]
-            columns[i] = join(turned(here, w), turned(here, v + cross(w, point)))
+            columns[i] = join(turned(frame, w), turned(frame, v + cross(w, point)))
         return mat(*columns).T
 
     @property
