@@ -300,7 +300,7 @@ class CovariantVariational(Implicit):
 def first_size(inertia: Vec | Mat) -> float:
     """The size of the first row, no zero."""
     if isinstance(inertia, vectors.Mat):
-        return sum([abs(x) for x in inertia[0]], 0.0)
+        return vectors.sum([abs(x) for x in inertia[0]])
     return abs(inertia[0])
 
 

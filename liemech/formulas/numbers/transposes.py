@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from ...errors import IncompatibleSystem
+from .. import vectors
 from ..classes.records import Record, fields_of, fill, of_parts, parts_of, record
 from ..derivatives import BELOW, axes, derivative
 from ..vectors import Mat, Vec, vec
@@ -203,7 +204,7 @@ class OfElement(Rule):
     def __init__(self, group: Any, g: Any, eta: list[Any], call: Any) -> None:
         def back(felt: list[Any]) -> tuple[list[Any], list[Any]]:
             columns = [_numbers(x) for x in call(turned, group, g)]
-            return [sum([w * c for w, c in zip(felt, column)], 0.0) for column in columns], []
+            return [vectors.sum([w * c for w, c in zip(felt, column)]) for column in columns], []
 
         super().__init__(eta, len(_numbers(g)), back)
 

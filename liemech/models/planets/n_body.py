@@ -122,14 +122,14 @@ class NBody(SeparableSites):
     def momentum(self, p: Vec) -> Vec:
         """The sum of all momenta, (dimension,).  p : (N dimension,)."""
         d = self.dimension
-        return vec(*[sum([p[i * d + k] for i in range(len(self.masses))]) for k in range(d)])
+        return vec(*[vectors.sum([p[i * d + k] for i in range(len(self.masses))]) for k in range(d)])
 
     def angular_momentum(self, q: Vec, p: Vec) -> Vec:
         """sum q_i x p_i, (3,), or one number in the plane, (1,).  q, p : (N dimension,)."""
         d = self.dimension
         planes = ((0, 1),) if d == 2 else ((1, 2), (2, 0), (0, 1))
         bodies = range(0, self.degrees, d)
-        return vec(*[sum([q[i + a] * p[i + b] - q[i + b] * p[i + a] for i in bodies]) for a, b in planes])
+        return vec(*[vectors.sum([q[i + a] * p[i + b] - q[i + b] * p[i + a] for i in bodies]) for a, b in planes])
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The energy, momentum and angular momentum."""
