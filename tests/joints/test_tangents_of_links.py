@@ -134,6 +134,25 @@ def test_backwards_is_the_transpose_of_forwards(made: Any, method: Any) -> None:
     assert abs(back["start"] @ v - forwards) <= 1e-14 * sizes
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("method", [SHORT[0], RATTLES[0]], ids=repr)
+def test_running_costs(method: Any) -> None:
+    """A loss and a cost along the run, beside tangents at the samples."""
+    system, start = chain()
+    plan, v = plan_of(system, method), np.random.default_rng(6).normal(size=36)
+
+    def cost(t: float, state: Any) -> Any:
+        return (1.0 + t) * lm.dot(state.mu, state.mu)
+
+    back = plan.gradient(lambda state: state.mu[3] ** 2, start, steps=3, every=2, along=cost)
+    run = plan.tangent(start, steps=3, along=v)
+    moves, mu = run.tangent["along"][:, :18], run.mu
+    sums = [(1.0 + run.t[k]) * np.array([mu[k] @ mu[k], 2.0 * mu[k] @ moves[k]]) for k in (0, 2, 3)]
+    value, slope_along = np.sum(sums, axis=0) + [mu[3, 3] ** 2, 2.0 * mu[3, 3] * moves[3, 3]]
+    assert back.value == pytest.approx(value, rel=1e-14)
+    assert abs(back["start"] @ v - slope_along) <= 1e-13 * (np.abs(back["start"]) @ np.abs(v))
+
+
 @needs_compiler
 @pytest.mark.slow
 @pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.LieRATTLE()], ids=repr)
