@@ -203,7 +203,8 @@ class BackwardRun:
         parts = len(self.of_step)
         size = way.state.width * places
         self.kept = max(LEAST, ROOM // size)
-        block = max(NEAR // (size * parts), -(-steps // self.kept))
+        near = ROOM if self.of_sites.site.jointed else NEAR  # steps of linkages take longer than memory
+        block = max(near // (size * parts), -(-steps // self.kept))
         self.block = max(1, min(steps, block, ROOM // (size * parts)))
         if self.lists is not None:
             self.block = 1
