@@ -402,6 +402,17 @@ class Slope(lm.VelocityConstraint):
         return lm.mat(lm.vec(-g[1], 0.0, 1.0))
 
 
+@lm.record
+class Spring(lm.Term):
+    """Two masses that are held together, without a length of rest."""
+
+    k: float
+
+    def energy(self, a: Any, b: Any) -> float:
+        d = a.g - b.g
+        return 0.5 * self.k * lm.dot(d, d)
+
+
 WORLDS = pytest.mark.parametrize(
     "compiled", [False, pytest.param(True, marks=pytest.mark.compiled)], ids=["plain", "compiled"]
 )

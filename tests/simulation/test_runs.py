@@ -503,11 +503,12 @@ def test_every_nth_sample_is_one_of_all(scene: Scene, bodies: int) -> None:
 
 
 @over(*ALL, *BACK)
-def test_states_at_times_lie_on_the_motion_between_the_steps(scene: Scene) -> None:
+@WORLDS
+def test_states_at_times_lie_on_the_motion_between_the_steps(scene: Scene, compiled: bool) -> None:
     """Those of `run.at`: to the bit of polynomials and of shorter steps; in fictive time, where a
     root is looked for, to rounding.
     """
-    some, full = whole(scene, 1, "t_eval"), whole(scene, 1)
+    some, full = whole(scene, 1, "t_eval", compiled), whole(scene, 1, "all", compiled)
     assert same(some.t, scene.times)
     at = full.at(scene.times)
     for name, x in some.states.items():
@@ -640,6 +641,22 @@ def test_an_event_ends_a_run_at_the_zero_that_all_of_them_show(scene: Scene, bod
         assert same(t[:n], all_t[:n])
         for name, x in states.items():
             assert same(x[:n], all_states[name][:n]), name
+
+
+@over(EQUAL, TOLERANCE, *BACK[:2])
+def test_the_times_asked_for_before_an_event_that_ends_a_run_are_kept(scene: Scene) -> None:
+    """And those behind it not, in the step that it ends."""
+    times, end = np.linspace(scene.t0, scene.end, 97), scene.t0 + 0.47 * (scene.end - scene.t0)
+
+    def late(t: float, state: Any) -> float:
+        return t - end
+
+    late.terminal = True  # type: ignore[attr-defined]
+    span = span_of(scene, t_eval=times)
+    full, ended = plan_of(scene).run(scene.start(1), **span), plan_of(scene, events=[late]).run(scene.start(1), **span)
+    assert same(full.t, times) and same(ended.t, times[:46])
+    for name, x in ended.states.items():
+        assert np.abs(x - full.states[name][:46]).max() < 1e-12, name
 
 
 # ---------------------------------------------------------------- mathematics

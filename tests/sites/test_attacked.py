@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scenes import Spring
 from scipy.integrate import solve_ivp
 from terms_of_spins import Exchange, Twist
 
@@ -108,17 +109,6 @@ def test_constants_may_change_between_runs(method: Any, monkeypatch: pytest.Monk
 
 
 @lm.record
-class Stiffening(lm.Term):
-    """A spring."""
-
-    k: float
-
-    def energy(self, a: Any, b: Any) -> float:
-        d = a.g - b.g
-        return 0.5 * self.k * lm.dot(d, d)
-
-
-@lm.record
 class Rubbing(lm.Term):
     """Friction between two masses, more where both are far away."""
 
@@ -141,7 +131,7 @@ def test_friction_between_sites(monkeypatch: pytest.MonkeyPatch) -> None:
     """The momenta of all sites at the end of a kick belong together."""
     monkeypatch.setattr(lm.System, "small", 0)
     n, ring = 5, lm.neighbours.ring(5)
-    system = masses_in_space(n, Stiffening(1.0).over(ring), lm.Terms(Rubbing(0.4).over(ring)))
+    system = masses_in_space(n, Spring(1.0).over(ring), lm.Terms(Rubbing(0.4).over(ring)))
     p, q = np.random.default_rng(0).normal(size=(2, n, 3))
 
     def motion(_: float, y: np.ndarray) -> np.ndarray:
@@ -177,7 +167,7 @@ def rubbing_ring(n: int, c: Any) -> tuple[Any, Any]:
     """Masses of 1 on a ring, each against the next with the velocities 1 and -1, and the start."""
     free = lm.LiePoissonSystem(lm.VectorSpace(1) ** n, lm.PerSite(lm.KineticEnergy([1.0])))
     ring = lm.neighbours.ring(n)
-    system = lm.MechanicalSystem(free, lm.Terms(Stiffening(0.0).over(ring)), load=lm.Terms(Slowing(c).over(ring)))
+    system = lm.MechanicalSystem(free, lm.Terms(Spring(0.0).over(ring)), load=lm.Terms(Slowing(c).over(ring)))
     return system, system.state(mu=np.resize([1.0, -1.0], (n, 1)), g=np.zeros((n, 1)))
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scenes import Spring
 from terms_of_spins import Exchange, Zeeman
 
 import liemech as lm
@@ -33,14 +34,6 @@ class Uneven(lm.Term):
 class Volume(lm.Term):
     def energy(self, a: Any, b: Any, c: Any) -> float:
         return lm.dot(a.mu, lm.cross(b.mu, c.mu))
-
-
-@lm.record
-class Spring(lm.Term):
-    k: float
-
-    def energy(self, a: Any, b: Any) -> float:
-        return self.k * lm.dot(a.g - b.g, a.g - b.g)
 
 
 @lm.record

@@ -8,22 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scenes import Spring
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from terms_of_spins import Exchange, Twist, Zeeman
 
 import liemech as lm
-
-
-@lm.record
-class Spring(lm.Term):
-    """Two masses that are held together, without a length of rest."""
-
-    k: float
-
-    def energy(self, a, b):
-        d = a.g - b.g
-        return 0.5 * self.k * lm.dot(d, d)
 
 
 @lm.record
