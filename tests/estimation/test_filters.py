@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shipped
+from scenes import hat
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 from scipy.special import chdtri  # a chi^2 that so few exceed; scipy.stats takes a second to import
@@ -21,10 +22,6 @@ es = lm.estimation
 SIDES = "left", "right"
 RNG = np.random.default_rng(12)
 GRAVITY = np.array([0.0, 0.0, -9.80665])
-
-
-def hat(w):
-    return np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
 
 
 def spd(n, scale=0.1):

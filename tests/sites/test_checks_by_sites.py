@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from scenes import Spring
 from terms_of_spins import Exchange, Zeeman
 from test_runs_by_sites import native
 
@@ -140,17 +141,6 @@ def test_molecules_at_rest() -> None:
     g[1, :3, 3] = [0.0, 0.4, 3.1]
     report = lm.check_method(lm.KickDrift(order=4), drop, drop.state(mu=np.zeros((2, 6)), g=g), raises=False)
     assert not [f.law for f in report.findings if f.verdict == "broken"]
-
-
-@lm.record
-class Spring(lm.Term):
-    """A spring between two masses."""
-
-    k: float
-
-    def energy(self, a: Any, b: Any) -> float:
-        x = a.g - b.g
-        return 0.5 * self.k * lm.dot(x, x)
 
 
 @lm.record

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scenes import Spring
 from scipy.integrate import solve_ivp
 from terms_of_spins import Exchange
 
@@ -14,15 +15,6 @@ from liemech import neighbours as near
 from liemech.errors import InvalidInput
 
 N = 6
-
-
-@lm.record
-class Spring(lm.Term):
-    k: float
-
-    def energy(self, a: Any, b: Any) -> float:
-        d = a.g - b.g
-        return 0.5 * self.k * lm.dot(d, d)
 
 
 @lm.record

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scenes import Spring
 from scipy.integrate import solve_ivp
 from terms_of_spins import Chiral, Exchange, Twist
 
@@ -356,14 +357,6 @@ class Pump(lm.Term):
 
     def energy(self, a: Any, t: float) -> float:
         return -lm.dot(self.B, a.mu) * lm.formulas.cos(2.0 * t)
-
-
-@lm.record
-class Spring(lm.Term):
-    k: float
-
-    def energy(self, a: Any, b: Any) -> float:
-        return 0.5 * self.k * lm.dot(a.g - b.g, a.g - b.g)
 
 
 @lm.record

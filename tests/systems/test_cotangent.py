@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from scenes import Charged
+from scenes import Charged, hat
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
@@ -31,10 +31,6 @@ def velocity_and_force(mu: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.nd
     """xi and f by hand."""
     v = (mu - 0.5 * CHARGE @ (B * g[2])) / J
     return v, np.cross(0.5 * CHARGE @ v, B * g[2]) - np.cross(WEIGHT, g[2])
-
-
-def hat(x: np.ndarray) -> np.ndarray:
-    return np.array([[0.0, -x[2], x[1]], [x[2], 0.0, -x[0]], [-x[1], x[0], 0.0]])
 
 
 def exact(t: float) -> tuple[np.ndarray, np.ndarray]:
