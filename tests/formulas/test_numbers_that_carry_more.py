@@ -9,8 +9,10 @@ import pytest
 import liemech as lm
 from liemech.formulas import asinh, sqrt
 from liemech.formulas.functions import fma
+from liemech.formulas.large import Large
 from liemech.formulas.numbers.double_double import DoubleDouble
 from liemech.formulas.numbers.dual import Dual, size_of
+from liemech.formulas.numbers.series import SeriesInMemory
 
 
 def exactly(x: DoubleDouble) -> mp.mpf:
@@ -46,3 +48,9 @@ def test_roots_of_two_doubles_at_zero_and_at_one() -> None:
 def test_products_and_sums_that_overflow_or_are_infinite() -> None:
     assert fma(1e200, 1e200, 1.0) == np.inf and fma(-1e200, 1e200, 1.0) == -np.inf
     assert fma(np.inf, -1.0, 2.0) == -np.inf and np.isnan(fma(np.inf, 0.0, 2.0))
+
+
+def test_a_number_less_a_series_of_matrices_is_its_negative_and_the_number() -> None:
+    a, b = np.array([[1.0, 2.0], [3.0, 4.0]]), np.array([[5.0, 7.0], [11.0, 13.0]])
+    difference = 1.0 - SeriesInMemory(Large(a), Large(b))
+    assert np.array_equal(np.array(difference.term(0)), 1.0 - a) and np.array_equal(np.array(difference.term(1)), -b)
