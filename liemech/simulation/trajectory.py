@@ -729,6 +729,8 @@ def _rows_of_both(first: Any, rest: Any, shared: int) -> Callable[[np.ndarray, n
     row += (row >= counts) * (len(first) + shared - counts)
 
     def joined(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        if a.ndim == b.ndim == 1 and (counts == len(first)).all() and (total == total[:1]).all():
+            return np.concatenate([a, b[shared:]])  # times that are those of all bodies
         rows = np.concatenate([each(a), each(b)])
         return np.take_along_axis(rows, row.reshape(row.shape + (1,) * (rows.ndim - 2)), axis=0)
 

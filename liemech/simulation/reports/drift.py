@@ -110,7 +110,7 @@ class Drift:
         t : (n,), or of bodies with times of their own (n, bodies).
         states : the parts of the state by name, (n, ...), of an ensemble (n, bodies, ...).
         """
-        series, terms = constants_and_terms(system, states, len(t))
+        series, terms = constants_and_terms(system, states, len(t)) if len(t) > 1 else ({}, {})
         return cls.recorded(series, t, bodies, terms)
 
     @classmethod
