@@ -290,7 +290,7 @@ def work_of(run: Any, power: np.ndarray) -> np.ndarray:
     """The work of a power from the first sample on; in an ensemble whose bodies have times of their own, of each by these."""
     if not np.ndim(run.t):
         raise InvalidInput(
-            "Stepper.joint, Stepper.link: at one time there is a power and no work; `plan.run(...)` has it"
+            "work: at one time there is a power and no work; `plan.run(...)` keeps the samples that it needs"
         )
     if run.t.ndim == 2:
         return np.stack([_integral(t, p) for t, p in zip(run.t.T, power.T)], axis=-1)

@@ -36,9 +36,7 @@ class JointSpace(Record):
     """
 
     linkage: Any
-    hung: tuple[
-        tuple[int, int, int], ...
-    ]  # from the ground outwards: a joint, the body that hangs by it, from which (-1)
+    hung: tuple[tuple[int, int, int], ...]  # outwards: a joint, the body that hangs by it, from which (-1: ground)
     moved_by: tuple[tuple[int, ...], ...]  # of each body the rates of the joints between it and the ground
 
     def mass_matrix(self, g: Vec) -> Mat:
@@ -49,7 +47,7 @@ class JointSpace(Record):
         entries = [0.0] * (n * n)
         for i, armature in enumerate(self._armatures):
             entries[n * i + i] = armature
-        for b, velocities in enumerate(self._velocities(g)):
+        for b, velocities in enumerate(self._velocities(self._matrices(g))):
             for i, xi in zip(self.moved_by[b], velocities):
                 momentum = self._momentum(b, xi)
                 for k, eta in zip(self.moved_by[b], velocities):
@@ -66,7 +64,7 @@ class JointSpace(Record):
             for b, rate in enumerate(self._accelerations(matrices, xi, g, accelerations))
         ]
         rotors = [armature * rate for armature, rate in zip(self._armatures, accelerations)]
-        return self._along_joints(self._velocities(g), against) + vec(*rotors)
+        return self._along_joints(self._velocities(matrices), against) + vec(*rotors)
 
     def bias(self, mu: Vec, g: Vec, t: float = 0.0) -> Vec:
         """The torques b at which no joint accelerates, against inertia, weight and all other forces, (n,)."""
@@ -78,23 +76,22 @@ class JointSpace(Record):
 
     def gravity_torque(self, g: Vec) -> Vec:
         """The torques that hold the mechanism at rest against its weight, springs and potential, -S^T f(g), (n,)."""
-        force = self.linkage.body.force(g)
-        return self._along_joints(self._velocities(g), [-body(force, b) for b in range(len(self.moved_by))])
+        force, velocities = self.linkage.body.force(g), self._velocities(self._matrices(g))
+        return self._along_joints(velocities, [-body(force, b) for b in range(len(self.moved_by))])
 
     def jacobian(self, g: Any, link: str | int, point: Any = (0.0, 0.0, 0.0)) -> Any:
         """The angular velocity of a link and the velocity of a point of it, seen from space, by the rates u, (..., 6, n).
 
         point : in the axes of the link, from its centre of mass, (3,), in m.  Raises InvalidInput for an unknown link.
         """
-        number = number_of(self.linkage.links, link, "link")
-        at = real_array(point, "JointSpace.jacobian: point")
-        return self._jacobian(g, at, number)
+        return self.jacobian_at(
+            g, real_array(point, "JointSpace.jacobian: point"), number_of(self.linkage.links, link, "link")
+        )
 
-    # ---------------------------------------------------------------- along the tree
-
-    def _jacobian(self, g: Vec, point: Vec, number: Any) -> Mat:
+    def jacobian_at(self, g: Vec, point: Vec, number: Any) -> Mat:
+        """The velocities of a point of a body, seen from space, by the rates u, (6, n).  number : of the body."""
         frame, columns = pose(g, number), [REST6] * self.freedoms
-        for i, xi in zip(self.moved_by[number], self._velocities(g)[number]):
+        for i, xi in zip(self.moved_by[number], self._velocities(self._matrices(g))[number]):
             w, v = xi[:3], xi[3:]
             columns[i] = join(turned(frame, w), turned(frame, v + cross(w, point)))
         return mat(*columns).T
@@ -103,6 +100,12 @@ class JointSpace(Record):
     def freedoms(self) -> int:
         """The number n of rates."""
         return sum([joint.freedoms for joint in self.linkage.joints])
+
+    # ---------------------------------------------------------------- along the tree
+
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
+        sizes = {"g": 16 * len(self.moved_by), "mu": 6 * len(self.moved_by), "point": 3}
+        return (sizes.get(argument, self.freedoms),)
 
     @property
     def _armatures(self) -> Any:
@@ -120,10 +123,10 @@ class JointSpace(Record):
             matrices.append((A, -1.0 * (A @ by_support)))
         return matrices
 
-    def _velocities(self, g: Vec) -> Any:
+    def _velocities(self, matrices: Any) -> Any:
         """S: of each body the velocities by unit rates, those in `moved_by`."""
         velocities: list[Any] = [[]] * len(self.moved_by)
-        for (A, B), (number, hanging, support) in zip(self._matrices(g), self.hung):
+        for (A, B), (number, hanging, support) in zip(matrices, self.hung):
             joint = self.linkage.joints[number]
             carried = [B @ xi for xi in velocities[support]] if support >= 0 else []
             axes = [vec(*[row[joint.conditions + i] for row in A]) for i in range(joint.freedoms)]

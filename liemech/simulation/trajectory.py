@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import field, replace
@@ -719,7 +720,10 @@ def _rows_of_both(first: Any, rest: Any, shared: int) -> Callable[[np.ndarray, n
 
     def own(run: Any) -> Any:
         """How many samples each body has before it repeats the last one."""
-        parts = [x.reshape(len(run), first.bodies, -1) for x in (each(run._clock()), *run.states.values())]
+        parts = [
+            x.reshape(len(run), first.bodies, math.prod(x.shape[2:]))
+            for x in (each(run._clock()), *run.states.values())
+        ]
         repeated = np.logical_and.reduce([(x == x[-1:]).all(axis=2) for x in parts])
         return np.minimum(len(run) + 1 - np.logical_and.accumulate(repeated[::-1]).sum(axis=0), len(run))
 

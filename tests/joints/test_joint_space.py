@@ -156,6 +156,14 @@ def test_points_of_links_move_by_their_jacobians() -> None:
         w, v = np.split(linkage.velocity(mu)[6 * link : 6 * link + 6], 2)
         wanted = [*(R @ w), *(R @ (v + np.cross(w, point)))]
         np.testing.assert_allclose(linkage.joint_space.jacobian(g, link, point) @ u, wanted, atol=1e-14)
+    J = linkage.joint_space.jacobian([g, g], 3, point)
+    assert J.shape == (2, 6, len(u)) and np.array_equal(J[1], linkage.joint_space.jacobian(g, 3, point))
+    for wrong in (point[:2], [0.0, np.nan, 0.0]):
+        with pytest.raises(lm.errors.InvalidInput, match="point"):
+            linkage.joint_space.jacobian(g, 3, wrong)
+    for size in (1, 12):
+        with pytest.raises(lm.errors.InvalidInput, match="accelerations has shape"):
+            linkage.joint_space.inverse_dynamics(mu, g, np.ones(size))
 
 
 def test_a_body_that_floats_is_the_root_of_a_tree() -> None:

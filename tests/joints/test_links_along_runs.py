@@ -112,6 +112,11 @@ def test_a_stepper_of_many_linkages_has_a_row_for_each():
     springs = [lm.joints.Linkage(arm.links, arm.joints, forces=[lm.joints.Spring(0, k)]) for k in (1.0, 2.0, 3.0)]
     loop = plan.replace(system=springs).stepper(arm.state(np.array([s.mu for s in starts]), g))
     np.testing.assert_allclose(loop.joint(0).torque, [-0.1, -0.4, -0.9], atol=1e-15)
+    run = plan.replace(system=springs).run(arm.state(np.array([s.mu for s in starts]), g), steps=1)
+    lam = run.system.multipliers(run.mu, g=run.g, t=run.t)
+    np.testing.assert_allclose(lam[:, 2], springs[2].multipliers(run.mu[:, 2], run.g[:, 2]), rtol=1e-14)
+    with pytest.raises(lm.errors.InvalidInput, match="each body has its own"):
+        run.system.joint_space  # noqa: B018
 
 
 def test_bodies_without_joints_say_so():

@@ -389,9 +389,6 @@ class AtOneTime(NamedTuple):
     g: np.ndarray
     bodies: None = None
 
-    def __repr__(self) -> str:
-        return f"t = {self.t}"
-
     def of_body(self, i: int) -> AtOneTime:
         """The state of one of several linkages."""
         return AtOneTime(self.system[i], self.t, self.mu[i], self.g[i])

@@ -71,7 +71,8 @@ class Objective:
                 lost, parts = function.pulled(self.run, where)
                 sums.append(math.fsum(lost))
                 self._add(where, parts)
-            for some in self._pieces(where[: 0 if self.as_one else None]):
+                continue
+            for some in self._pieces(where):
                 of_some = self.run.t[some], states.numbers[some], states.basis(some)
                 values, slopes = function.slopes(self.example, *of_some, compiled)
                 sums.append(float(values.sum()))

@@ -18,8 +18,11 @@ from ...integrators.method import Method
 from ...systems.many.energies import OfManySites
 from ...systems.system import System
 
-PARTS, MAKERS = {"t", "mu", "xi", "g", "q", "p", "y"}, ("state", "consistent")
-"""Arguments of methods that are quantities, which may depend on parameters, of arrays (n, bodies, ...); those that make states."""
+PARTS = {"t", "mu", "xi", "g", "q", "p", "y"}
+"""Names of arguments: the time and parts of the state."""
+
+MAKERS = ("state", "consistent")
+"""Methods of these arguments that make states, and are no quantities."""
 
 
 class OfBodies:
@@ -85,15 +88,29 @@ class Systems(OfBodies):
     called = "systems"
 
     def __getattr__(self, name: str) -> Any:
+        if name == "joint_space":
+            raise InvalidInput(
+                "Systems.joint_space: each body has its own; ask system[i].joint_space with the states of body i"
+            )
         attribute = super().__getattr__(name)
         return self._by_member(name) if inspect.ismethod(attribute) and _is_quantity(attribute.__func__) else attribute
 
     def _by_member(self, name: str) -> Callable[..., np.ndarray]:
-        """A method of the systems, for arrays (n, bodies, ...)."""
+        """A method of the systems, for arrays (n, bodies, ...) and times, (n,) or (n, bodies)."""
 
         @functools.wraps(getattr(self.members[0], name))
-        def of_all(*arrays: np.ndarray) -> Any:
-            return _beside([getattr(s, name)(*(x[:, i] for x in arrays)) for i, s in enumerate(self.members)])
+        def of_all(*arrays: Any, **named: Any) -> Any:
+            def of_body(i: int, x: Any) -> Any:
+                return x[:, i] if np.ndim(x) > 1 else x
+
+            return _beside(
+                [
+                    getattr(system, name)(
+                        *(of_body(i, x) for x in arrays), **{key: of_body(i, x) for key, x in named.items()}
+                    )
+                    for i, system in enumerate(self.members)
+                ]
+            )
 
         return of_all
 
