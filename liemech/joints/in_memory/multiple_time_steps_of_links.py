@@ -65,7 +65,7 @@ class MultipleTimeStepsOfLinks(StepsOfLinks):
                 each(sites, slowly_kicked, 0.5 * h, memories.state, work)
                 if not impulses_off(system, sites, work, work.equations.heads(system.most)):
                     raise NoConvergence("the conditions of joints depend on each other")
-                each(sites, on_the_constraint, memories.state, memories.state, work)
+                each(sites, on_the_constraint, system, memories.state, memories.state, work)
             if turn == 2:
                 for i in range(int(self.ratio)):
                     begin = t + (1.0 * i) * s
