@@ -56,16 +56,31 @@ def test_constants_that_formulas_make_are_told_by_their_content(
     assert [name for name, _ in made].count("SE3Algebra.exp_residual") == 1
 
 
-@pytest.mark.slow
-def test_native_functions_know_the_constants_of_their_arguments(
-    made: list[tuple[str, bool]], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The group of a heavy top is a constant of the system, which holds numbers of the run too."""
+def of_a_heavy_top(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Translate a step of a heavy top: its group is a constant of the system, which holds numbers of the run too."""
     monkeypatch.setattr(inlining, "ALONE", 1)
     monkeypatch.setattr(state, "HUGE", 300)
     system = lm.models.HeavyTop([1.0, 1.5, 2.0], 1.0, [0.18, 0.0, 0.24])
     start = system.state(mu=np.array([0.5, 0.1, 0.8]), g=np.eye(3))
     with pytest.raises(Seen):
         lm.Plan(system, lm.RKMK(order=4), h=0.05, compiled=True).run(start, steps=1)
+
+
+@pytest.mark.slow
+def test_native_functions_know_the_constants_of_their_arguments(
+    made: list[tuple[str, bool]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    of_a_heavy_top(monkeypatch)
+    assert ("CotangentMotion.displaced", True) in made and ("RKMK.slope", True) in made
     assert ("CotangentMotion._displaced", True) in made and ("CotangentMotion._displaced", False) not in made
-    assert ("RKMK.slope", True) in made
+
+
+@pytest.mark.slow
+@pytest.mark.xfail(
+    reason="a slope and a displacement are refused as functions for one form of their arguments", strict=True
+)
+def test_native_functions_are_made_for_every_form_of_their_arguments(
+    made: list[tuple[str, bool]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    of_a_heavy_top(monkeypatch)
+    assert all(ok for name, ok in made if name in ("RKMK.slope", "CotangentMotion.displaced"))

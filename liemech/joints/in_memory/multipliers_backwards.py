@@ -229,7 +229,7 @@ def felt_by_body(system: Any, t: float, state: Any, work: Any) -> None:
         J = work.inertia.load()
         pairs = (by_velocity, mu), (times(J, q), times(J, work.acceleration.load()))
         work.by_inverse.save(work.by_inverse.load() + by_entries(inverse, *pairs))
-        work.by_weight.save(work.by_weight.load() - dot(vec(*[g[2, j] for j in range(3)]), V[3:]))
+        work.by_weight.save(work.by_weight.load() - dot(g[2][:3], V[3:]))
         for k, by in enumerate(felt[2:]):
             work.by_forces.nth(k).save(work.by_forces.nth(k).load() + by)
     work.felt.save(vec(*by_mu, *(felt[0] + pull_on(work))))
@@ -239,7 +239,7 @@ def power_on_body(
     system: Any, t: float, acting: list[Any], kind: int, weight: float, V: Vec, g: Any, xi: Vec
 ) -> float:  # fmt: skip
     """<V, p> of the weight of a body and what acts on it alone."""
-    value = -weight * dot(vec(*[g[2, j] for j in range(3)]), V[3:])
+    value = -weight * dot(g[2][:3], V[3:])
     if len(acting) > 0 and system.pulled:
         value = value + of_kind(acting, kind, lambda it: dot(V, it.pull(g)))
     if len(acting) > 0 and system.pushed:
